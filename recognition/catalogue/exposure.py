@@ -27,13 +27,15 @@ _HOUR, _KM = 3600.0, 1000.0
 class Mileage(NamedTuple):
     """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m).
 
-    quality: of the recording, from 0 to 1.
+    quality: of the recording, from 0 to 1. blocked: classes that are not labelled everywhere there,
+    because roles of lanes are not sure.
     """
 
     vehicles: int
     time: float
     distance: float
     quality: float = 1.0
+    blocked: frozenset[str] = frozenset()
 
     def __add__(self, other: Mileage) -> Mileage:  # type: ignore[override]
         """Both together; the quality is the mean by time."""
@@ -44,7 +46,11 @@ class Mileage(NamedTuple):
             else other.quality
         )
         return Mileage(
-            self.vehicles + other.vehicles, time, self.distance + other.distance, quality
+            self.vehicles + other.vehicles,
+            time,
+            self.distance + other.distance,
+            quality,
+            self.blocked | other.blocked,
         )
 
 
@@ -73,7 +79,8 @@ def rates(
     """Return the rates of all classes at all sites and at all sites together.
 
     A class that occurs at one site has a row for each: its upper limit says what absence shows.
-    Rates are absent without exposure.
+    Rates are absent without exposure, and of classes that are blocked; all sites together are those
+    where a class is not.
 
     Args:
         rows: of the index.
@@ -82,15 +89,23 @@ def rates(
     events = Counter((str(row["site"]), str(row["class"])) for row in rows)
     total: dict[str, Mileage] = {}
     for site, one in sites:
-        for name in (site, EVERYWHERE):
-            total[name] = total.get(name, Mileage(0, 0.0, 0.0)) + one
-    for (_, title), count in list(events.items()):
-        events[EVERYWHERE, title] += count
+        total[site] = total.get(site, Mileage(0, 0.0, 0.0)) + one
+
+    def seen(site: str, title: str) -> Mileage:
+        if site != EVERYWHERE:
+            return total[site]
+        open_sites = [one for one in total.values() if title not in one.blocked]
+        parts = open_sites or list(total.values())
+        return sum(parts[1:], parts[0])
+
+    for (site, title), count in list(events.items()):
+        if title not in total[site].blocked or all(title in one.blocked for one in total.values()):
+            events[EVERYWHERE, title] += count
     for (site, _), count in list(events.items()):
         events[site, EVERYWHERE] += count
     classes = sorted({title for _, title in events} - {EVERYWHERE})
     return [
-        _row(site, title, events[site, title], total[site])
+        _row(site, title, events[site, title], seen(site, title))
         for site in (*sorted(total.keys() - {EVERYWHERE}), *([EVERYWHERE] if total else []))
         for title in (*classes, *([EVERYWHERE] if classes else []))
     ]
@@ -105,9 +120,8 @@ def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
         "quality": round(seen.quality, 4),
     }
     for name, amount in (("per_hour", hours), ("per_1000_km", km / 1000.0)):
-        values = (
-            [each / amount for each in (count, *interval(count))] if amount > 0.0 else [None] * 3
-        )
+        known = amount > 0.0 and title not in seen.blocked
+        values = [each / amount for each in (count, *interval(count))] if known else [None] * 3
         row |= {
             f"{name}{end}": value and round(value, 4)
             for end, value in zip(("", "_low", "_high"), values, strict=True)

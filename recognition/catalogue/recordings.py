@@ -36,6 +36,7 @@ from recognition.catalogue.writing.write import (
 )
 from recognition.labels import LabelledEvent, Rules, label
 from recognition.labels.critical import with_critical
+from recognition.labels.labelling import BY_ROLE
 from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
 from recognition.recordings.quality import REFUSED
 from recognition.scenes import Roles, Site, site_of
@@ -359,6 +360,8 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
                 PlacedRecording(place, site.path, site.roles, report.quality),
                 exposure_of(recording, settings.rules),
             )
+            if site.roles.doubts:
+                exposure = exposure._replace(blocked=frozenset(one.title for one in BY_ROLE))
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:

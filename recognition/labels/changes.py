@@ -27,7 +27,7 @@ class SceneRows:
         x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
         strip: index of the lane strip. along: distance from its beginning, m. offset, aside:
             distance to the left of the lane's centre and of the road's reference line, m.
-        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference
+        role: index into `ROLES`. certain: whether that is sure. front, rear: distance of the box's ends ahead of the reference
             point, m. width: of the box, m.
     """
 
@@ -52,6 +52,7 @@ class SceneRows:
     offset: FloatArray
     aside: FloatArray
     role: IntArray
+    certain: BoolArray
     front: FloatArray
     rear: FloatArray
     width: FloatArray
@@ -324,14 +325,17 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
 def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
     """Rows with which a stay in the lane beside begins, and whether that is the left one.
 
-    Lanes of different roads may overlap, so the vehicle itself has to move aside by half a lane
-    between them.
+    Lanes of different roads may overlap; unless they touch side by side, the vehicle itself has to
+    move aside by half a lane between them.
     """
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
     left = lane[row] > lane[row - 1]
     road = scene.site.lanes.road[scene.strip]
     enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * scene.lane_width(row)
     kept = (road[row] == road[row - 1]) | enough
+    for index in np.flatnonzero(~kept).tolist():
+        pair = scene.strip[row[index] - 1], scene.strip[row[index]]
+        kept[index] = scene.site.lanes.side_by_side(*map(int, pair)) is not None
     return row[kept], left[kept]
 
 

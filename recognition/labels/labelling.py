@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.labels import rules
-from recognition.labels.classes import LabelledEvent, Rules
-from recognition.labels.scene import events, prepare
+from recognition.labels.changes import always
+from recognition.labels.classes import Label, LabelledEvent, Rules
+from recognition.labels.scene import Hits, Scene, events, prepare
 from recognition.scenes import Site
 from runner.recording import Recording
 
@@ -49,7 +50,23 @@ def label(
         config: thresholds of the rules.
     """
     scene = prepare(recording, site, config)
-    return events(scene, name, [rule(scene) for rule in RULES]) if len(scene.track) else []
+    if not len(scene.track):
+        return []
+    return events(scene, name, [_certain(scene, rule(scene)) for rule in RULES])
+
+
+BY_ROLE = (Label.RAMP_ENTERING, Label.RAMP_EXITING)
+"""Classes that ask whether a lane is a ramp; changes of lanes beside them have to know that it is none"""
+
+
+def _certain(scene: Scene, hits: Hits) -> Hits:
+    """Hits without those that depend on a role that is not sure."""
+    if hits.label not in (*BY_ROLE, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_RIGHT):
+        return hits
+    half = scene.rows(0.5 * scene.rules.window)
+    sure = always(scene.certain, half, scene.first, scene.last)[hits.row]
+    tags = {name: values[sure] for name, values in hits.tags.items()}
+    return Hits(hits.label, hits.row[sure], hits.partner[sure], tags)
 
 
 class JunctionWay(NamedTuple):

@@ -27,8 +27,8 @@ from recognition.labels.changes import (
 )
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
 from recognition.scenes import LaneRole, Site
-from recognition.scenes.flow import by_traffic
 from recognition.scenes.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
+from recognition.scenes.ramps import by_traffic
 from recognition.scenes.roles import ROLES
 from runner.judging.measures.criticality import time_headway, time_to_collision
 from runner.judging.measures.measure import Series
@@ -340,6 +340,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
         offset=offset * left,
         aside=places.t * left,
         role=by_traffic(lanes, track, strip, site.roles.codes(lanes, strip, s)),
+        certain=site.roles.certain(lanes, strip, s),
         front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
         rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),
         width=np.repeat([box.width for box in boxes], sizes),

@@ -3,8 +3,8 @@
 Modules:
 
 - `cut`: scenes cut out of recordings: participants
-- `flow`: where traffic of a recording goes
 - `lanes`: the lanes of a road network as a graph in the direction of their traffic
+- `ramps`: ramps by the shapes of lanes, and by observed traffic
 - `roles`: roles of lanes by their shapes
 
 Example::
@@ -25,12 +25,12 @@ import numpy as np
 from recognition.recordings import Check, SiteRoad, Source
 from recognition.recordings.quality import REFUSED
 from recognition.scenes.lanes import LaneGraph, Strip, graph
+from recognition.scenes.ramps import LaneGuess, ramp_roles
 from recognition.scenes.roles import (
     LaneRole,
     RoleRange,
     Roles,
     crosses_or_turns,
-    ramp_roles,
     ring_strips,
     roles_of,
 )
@@ -205,7 +205,7 @@ def propose(
         driven: speed (m/s) that free vehicles have there, infinite where it is not known.
     """
     roles = _Proposal(network, graph, lights, driven).roles
-    entries = [_entry(graph.strips[number], role) for number, role in roles.items()]
+    entries = [_entry(graph.strips[number], guess) for number, guess in roles.items()]
     return _joined(
         sorted(
             entries,
@@ -219,16 +219,16 @@ class _Proposal:
         self, network: RoadNetwork, graph: LaneGraph, lights: frozenset[str], driven: float
     ) -> None:
         self._network, self._graph, self._lights, self._driven = network, graph, lights, driven
-        self._rings = ring_strips(network, graph)
+        self._rings = ring_strips(graph)
         self._crossings = {
             name: lit for name in network.junctions if (lit := self._crossing(name)) is not None
         }
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
-        self.roles = {number: self._first(number) for number in driving}
-        self.roles |= ramp_roles(
-            graph, {number for number, role in self.roles.items() if role is LaneRole.MAIN}
-        )
+        first = {number: self._first(number) for number in driving}
+        self.roles = {number: LaneGuess(role) for number, role in first.items()}
         self._add_approaches()
+        own = {number: guess.role for number, guess in self.roles.items()}
+        self.roles |= ramp_roles(network, graph, own)
 
     def _first(self, number: int) -> LaneRole:
         """The role that a strip has by itself."""
@@ -288,15 +288,16 @@ class _Proposal:
 
     def _add_approaches(self) -> None:
         crossings = (LaneRole.INSIDE, LaneRole.SIGNALISED, LaneRole.ENTRY)
-        for number, role in self.roles.items():
+        own = {number: guess.role for number, guess in self.roles.items()}
+        for number, role in own.items():
             if role is LaneRole.URBAN and any(
-                self.roles.get(after) in crossings for after in self._graph.following[number]
+                own.get(after) in crossings for after in self._graph.following[number]
             ):
-                self.roles[number] = LaneRole.APPROACH
+                self.roles[number] = LaneGuess(LaneRole.APPROACH)
 
 
-def _entry(strip: Strip, role: LaneRole) -> RoleRange:
-    return RoleRange(strip.road, strip.lane, strip.start, strip.end, role)
+def _entry(strip: Strip, guess: LaneGuess) -> RoleRange:
+    return RoleRange(strip.road, strip.lane, strip.start, strip.end, *guess)
 
 
 def _joined(entries: list[RoleRange]) -> list[RoleRange]:
@@ -304,12 +305,7 @@ def _joined(entries: list[RoleRange]) -> list[RoleRange]:
     joined: list[RoleRange] = []
     for entry in entries:
         last = joined[-1] if joined else None
-        if last and (last.road, last.lane, last.end, last.role) == (
-            entry.road,
-            entry.lane,
-            entry.start,
-            entry.role,
-        ):
+        if last is not None and entry == last._replace(start=last.end, end=entry.end):
             joined[-1] = last._replace(end=entry.end)
         else:
             joined.append(entry)
@@ -393,6 +389,9 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     network = brought or load(road.path)
     lights = frozenset(network.roads) if road.signalised else road.lights
     site = site_at(road.path, network, lights, roads, _driven(recording))
+    if source.report is not None:
+        doubts = [f"no ramp and no lane change is labelled on {one}" for one in site.roles.doubts]
+        source.report.remarks += (one for one in doubts if one not in source.report.remarks)
     if brought is None:
         checks = fit(recording, site.network, (source.map or road.path).name)
         if source.report is not None:

@@ -26,6 +26,12 @@ NOWHERE = -1
 """Index in place of a strip where a row is on none."""
 _ALIGNED = math.radians(60.0)
 """Greatest angle between a vehicle and a lane that it is on"""
+_STEP = 2.0
+"""Greatest distance of points on a centre line, m"""
+_TOUCH = 0.9
+"""Greatest gap or overlap of lanes of different roads that lie side by side, m"""
+_SHARED = 6.0
+"""Least length of a common border, m: lanes that follow each other touch at a corner"""
 _BESIDE = 2.0
 """Greatest distance beside a lane, or beyond the end of its road, of a row that counts as on the lane, m."""
 
@@ -149,9 +155,8 @@ class LaneGraph:
                     return steps
             ahead = [after for strip in ahead for after in self.following[strip]]
         found = [self._beside(one, before) for before in self.preceding[other]]
-        return next(
-            (steps for steps in [*found, self._related(one, other)] if steps is not None), None
-        )
+        found += [self._related(one, other), self.side_by_side(one, other)]
+        return next((steps for steps in found if steps is not None), None)
 
     def _beside(self, one: int, other: int) -> int | None:
         a, b = self.strips[one], self.strips[other]
@@ -161,14 +166,45 @@ class LaneGraph:
 
     def _related(self, one: int, other: int, both: bool = True) -> int | None:
         """Return the lanes between strips outside of junctions that lead to lanes beside each other, or also come from such."""
-        if any(
-            self._network.roads[self.strips[strip].road].junction_id is not None
-            for strip in (one, other)
-        ):
+        if self._in_junction(one, other):
             return None
         links = (self.following, self.preceding) if both else (self.following,)
         pairs = ((a, b) for each in links for a in each[one] for b in each[other])
         return next((steps for a, b in pairs if (steps := self._beside(a, b))), None)
+
+    def side_by_side(self, one: int, other: int) -> int | None:
+        """Return 1 where the other strip, of another road, touches the left border of one, -1 for the right one; None for neither."""
+        if self.road[one] == self.road[other] or self._in_junction(one, other):
+            return None
+        lines = [self.centre_line(strip) for strip in (one, other)]
+        step = np.diff(lines[1], axis=0)
+        middle, h = 0.5 * (lines[1][1:] + lines[1][:-1]), np.arctan2(step[:, 1], step[:, 0])
+        there = middle[:, None] - lines[0]
+        cos, sin = np.cos(h)[:, None], np.sin(h)[:, None]
+        along = there[..., 0] * cos + there[..., 1] * sin
+        across = there[..., 0] * -sin + there[..., 1] * cos
+        widths = 0.5 * (self.width[one] + self.width[other])
+        near = (np.abs(along) <= _STEP) & (np.abs(np.abs(across) - widths) <= _TOUCH)
+        near &= (
+            np.abs(np.remainder(h - self.heading(one, 0.0) + np.pi, math.tau) - np.pi)[:, None]
+            < _ALIGNED
+        )
+        if near.any(axis=1).sum() * _STEP < _SHARED:
+            return None
+        return int(np.sign(across[near].mean()))
+
+    def centre_line(self, number: int, count: int | None = None) -> FloatArray:
+        """Points (count + 1, 2) on a strip's centre line, in the direction of its traffic; 2 m apart by default."""
+        strip = self.strips[number]
+        ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)
+        s = np.linspace(*ends, 1 + (count or math.ceil((strip.end - strip.start) / _STEP)))
+        road = self._network.roads[strip.road]
+        centre = road.sections[strip.section].lanes[strip.lane].center
+        return sample(road, s, [centre(one) for one in s.tolist()])[:, :2]
+
+    def _in_junction(self, *strips: int) -> bool:
+        roads = (self._network.roads[self.strips[strip].road] for strip in strips)
+        return any(road.junction_id is not None for road in roads)
 
     def _splits(self, one: int, other: int) -> int:
         """Return the number of lanes to the left by which `other` bears away where `one` splits into lanes side by side."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.scenes.lanes import LaneGraph
-from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import digest, keep, read_object
 from xodr.graph.network import RoadNetwork
 from xodr.graph.ways import DRIVABLE
-from xodr.lookup.arrays import sample
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -40,18 +38,17 @@ _ISLAND = 2.5
 """Lanes less than this inside a ring's innermost centre line belong to the ring or touch it, m."""
 TURN = math.radians(45.0)
 """Least change of heading of a way that turns, rad."""
-_STEP = 2.0
 _SHORT = 0.05
 """Steps between points shorter than this have no heading, m."""
 
 
-def ring_strips(network: RoadNetwork, graph: LaneGraph) -> set[int]:
+def ring_strips(graph: LaneGraph) -> set[int]:
     """Indices of the strips that lie on a ring.
 
     A ring is a short, round cycle of one-way lanes with curvature of one sign all along, at least
     two lanes that lead into it and two out of it, and an island without driving lanes.
     """
-    cycles = _round_cycles(network, graph)
+    cycles = _round_cycles(graph)
     rings: set[int] = set()
     for cycle in cycles:
         within = [other for other in cycles if cycle.outline.contains(other.outline.centroid)]
@@ -59,9 +56,7 @@ def ring_strips(network: RoadNetwork, graph: LaneGraph) -> set[int]:
         innermost = min(
             (other.outline for other in within), key=lambda outline: float(outline.area)
         )
-        if _has_ways(graph, concentric) and not _has_lanes_inside(
-            network, graph, innermost, concentric
-        ):
+        if _has_ways(graph, concentric) and not _has_lanes_inside(graph, innermost, concentric):
             rings.update(cycle.strips)
     return rings
 
@@ -73,7 +68,7 @@ class _Cycle(NamedTuple):
     outline: Polygon
 
 
-def _round_cycles(network: RoadNetwork, graph: LaneGraph) -> list[_Cycle]:
+def _round_cycles(graph: LaneGraph) -> list[_Cycle]:
     """Round cycles of one-way lanes, no longer than `LONGEST`, which turn one way all along."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components, dijkstra
@@ -100,7 +95,7 @@ def _round_cycles(network: RoadNetwork, graph: LaneGraph) -> list[_Cycle]:
         distance, before = dijkstra(ways, indices=[after], return_predecessors=True, limit=LONGEST)
         if distance[0, one] + graph.length[after] <= LONGEST:
             cycle = _cycle(before[0], after, one)
-            points = np.concatenate([_centre_line(network, graph, number) for number in cycle])
+            points = np.concatenate([graph.centre_line(number)[:-1] for number in cycle])
             if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
                 seen.update(cycle)
                 found.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
@@ -114,9 +109,7 @@ def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:
     return min(len(entries), len(exits)) >= _LEAST_WAYS
 
 
-def _has_lanes_inside(
-    network: RoadNetwork, graph: LaneGraph, outline: Polygon, ring: set[int]
-) -> bool:
+def _has_lanes_inside(graph: LaneGraph, outline: Polygon, ring: set[int]) -> bool:
     """Whether a driving lane that is not of the ring reaches its island.
 
     A lane from or to the ring with its other end outside does not: what it has inside comes of a
@@ -128,7 +121,7 @@ def _has_lanes_inside(
     for number, strip in enumerate(graph.strips):
         if strip.kind not in DRIVABLE or number in ring:
             continue
-        line = LineString(_centre_line(network, graph, number, end=True))
+        line = LineString(graph.centre_line(number))
         leaves, enters = (
             not ring.isdisjoint(links[number]) for links in (graph.preceding, graph.following)
         )
@@ -168,7 +161,7 @@ def crosses_or_turns(network: RoadNetwork, graph: LaneGraph, ways: list[int]) ->
         line = network.roads[strip.road].line
         if abs(math.remainder(line.at(strip.end)[2] - line.at(strip.start)[2], math.tau)) >= TURN:
             return True
-    lines = {number: LineString(_centre_line(network, graph, number, end=True)) for number in ways}
+    lines = {number: LineString(graph.centre_line(number)) for number in ways}
     return any(
         roads(graph.preceding, one).isdisjoint(roads(graph.preceding, other))
         and roads(graph.following, one).isdisjoint(roads(graph.following, other))
@@ -199,118 +192,6 @@ def _roundness(points: FloatArray) -> float:
     dx, dy = np.roll(x, -1) - x, np.roll(y, -1) - y
     area = 0.5 * abs(float((x * dy - y * dx).sum()))
     return 4.0 * math.pi * area / max(float(np.hypot(dx, dy).sum()) ** 2, 1e-9)
-
-
-def _centre_line(
-    network: RoadNetwork, graph: LaneGraph, number: int, end: bool = False
-) -> FloatArray:
-    """Points (n, 2) on a strip's centre line, in the direction of its traffic, with its end or without."""
-    strip = graph.strips[number]
-    ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)
-    s = np.linspace(*ends, 1 + math.ceil((strip.end - strip.start) / _STEP))[: None if end else -1]
-    road = network.roads[strip.road]
-    centre = road.sections[strip.section].lanes[strip.lane].center
-    return sample(road, s, [centre(one) for one in s.tolist()])[:, :2]
-
-
-_Links = list[list[int]]
-
-
-def ramp_roles(graph: LaneGraph, main: set[int]) -> dict[int, LaneRole]:
-    """Roles of those among the main lanes that are ramps."""
-    return _Ramps(graph, main).roles()
-
-
-_STEPS = 4
-"""Strips within which a lane that has a road of its own comes back to the lanes that were beside it"""
-
-
-class _Ramps:
-    def __init__(self, graph: LaneGraph, main: set[int]) -> None:
-        self._graph, self._main = graph, main
-        groups: dict[tuple[str, int, bool], list[int]] = {}
-        for number in sorted(main):
-            strip = graph.strips[number]
-            groups.setdefault((strip.road, strip.section, strip.forward), []).append(number)
-        self._beside = {
-            number: [other for other in group if other != number]
-            for group in groups.values()
-            for number in group
-        }
-
-    def roles(self) -> dict[int, LaneRole]:
-        following, preceding = self._graph.following, self._graph.preceding
-        leaving, entering = self._ramp(following, preceding), self._ramp(preceding, following)
-        roles = dict.fromkeys(leaving, LaneRole.OFF_RAMP) | dict.fromkeys(
-            entering, LaneRole.ON_RAMP
-        )
-        return roles | dict.fromkeys(leaving & entering, LaneRole.WEAVING)
-
-    def _ramp(self, onwards: _Links, back: _Links) -> set[int]:
-        """Lanes that leave the others, or begin beside them and lead to such: off-ramps; with links reversed, on-ramps."""
-        found: set[int] = set()
-        for number in sorted(self._main):
-            if self._parts(number, onwards):
-                found.update(self._chain(onwards[number][0], onwards), self._extra(number, back))
-            if self._ends(number, back):
-                chain = self._chain(number, onwards)
-                if any(not self._beside[one] for one in chain):
-                    found.update(chain)
-        return found
-
-    def _parts(self, number: int, links: _Links) -> bool:
-        """Whether a lane leads to another road than most of its group."""
-        roads = [
-            self._graph.strips[links[one][0]].road
-            for one in (number, *self._beside[number])
-            if links[one]
-        ]
-        if not links[number] or links[number][0] not in self._main:
-            return False
-        counts = Counter(roads).most_common(2)
-        elsewhere = len(counts) > 1 and counts[0][1] > counts[1][1] and roads[0] != counts[0][0]
-        return elsewhere and not self._rejoins(number, links)
-
-    def _rejoins(self, number: int, links: _Links) -> bool:
-        """Whether a lane with a road of its own comes back to the lanes beside it, as an acceleration lane does at its end."""
-        beside, reached = self._beside[number], set(self._beside[number])
-        own = number
-        for _ in range(_STEPS):
-            beside = [after for one in beside for after in links[one]]
-            reached.update(beside)
-            if len(links[own]) != 1:
-                return False
-            own = links[own][0]
-            if own in reached:
-                return True
-        return False
-
-    def _ends(self, number: int, links: _Links) -> bool:
-        """Whether a lane ends beside lanes that go on."""
-        return not links[number] and any(links[other] for other in self._beside[number])
-
-    def _chain(self, number: int, links: _Links) -> list[int]:
-        """A lane and those that follow it one by one."""
-        chain: list[int] = []
-        while number in self._main and number not in chain:
-            chain.append(number)
-            if len(links[number]) != 1:
-                break
-            number = links[number][0]
-        return chain
-
-    def _extra(self, number: int, links: _Links) -> list[int]:
-        """A lane as far as it runs beside others, if it ends there or has a road of its own then; nothing of a through lane."""
-        chain = [number]
-        while True:
-            ways = links[chain[-1]]
-            if not ways:
-                return chain if self._ends(chain[-1], links) else []
-            if len(ways) > 1 or ways[0] not in self._main or ways[0] in chain:
-                return []
-            if not self._beside[ways[0]]:
-                return [*chain, ways[0]] if self._rejoins(chain[-1], links) else chain
-            chain.append(ways[0])
 
 
 ENDING = ".roles.json"
@@ -348,18 +229,27 @@ class LaneRole(StrEnum):
     """lane that no rule asks for"""
 
 
+CERTAIN = 0.7
+"""Least confidence of a role that classes may ask for"""
 ROLES = tuple(LaneRole)
 """All roles; their indices are the codes of `Roles.codes`."""
 
 
 class RoleRange(NamedTuple):
-    """The role of a lane of a road, from one s to another (m)."""
+    """The role of a lane of a road, from one s to another (m), with its confidence from 0 to 1 and what is not sure."""
 
     road: str
     lane: int
     start: float
     end: float
     role: LaneRole
+    confidence: float = 1.0
+    reason: str = ""
+
+    @property
+    def certain(self) -> bool:
+        """Whether events on the lane can be of classes that ask for its role."""
+        return self.confidence >= CERTAIN
 
 
 @dataclass(frozen=True)
@@ -371,21 +261,43 @@ class Roles:
     def codes(self, graph: LaneGraph, strip: IntArray, s: FloatArray) -> IntArray:
         """Index into `ROLES` of each row's role; rows on no strip have that of `other`."""
         other = ROLES.index(LaneRole.OTHER)
-        found = np.full(len(graph.strips) + 1, other, np.int64)
-        parts: list[tuple[int, RoleRange]] = []
+        codes = np.array([ROLES.index(entry.role) for entry in self.entries] + [other])
+        return codes[self._entry_of(graph, strip, s)]
+
+    def certain(self, graph: LaneGraph, strip: IntArray, s: FloatArray) -> BoolArray:
+        """Whether the role of each row's lane is sure."""
+        certain = np.array([entry.certain for entry in self.entries] + [True])
+        return certain[self._entry_of(graph, strip, s)]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Lanes whose role is not sure, with the reason."""
+        where: dict[str, list[str]] = {}
         for entry in self.entries:
+            if not entry.certain:
+                lanes = where.setdefault(entry.reason or "of low confidence", [])
+                lanes.append(f"road {entry.road} lane {entry.lane}")
+        return tuple(
+            f"{', '.join(dict.fromkeys(lanes))}: {reason}" for reason, lanes in where.items()
+        )
+
+    def _entry_of(self, graph: LaneGraph, strip: IntArray, s: FloatArray) -> IntArray:
+        """Index of each row's entry; the number of entries for none."""
+        none = len(self.entries)
+        found = np.full(len(graph.strips) + 1, none, np.int64)
+        parts: list[tuple[int, int]] = []
+        for index, entry in enumerate(self.entries):
             for number in graph.numbers(entry.road, entry.lane, entry.start, entry.end):
                 piece = graph.strips[number]
                 if entry.start <= piece.start + _TOLERANCE and entry.end >= piece.end - _TOLERANCE:
-                    found[number] = ROLES.index(entry.role)
+                    found[number] = index
                 else:
-                    parts.append((number, entry))
-        codes = found[strip]
-        for number, entry in parts:
-            codes[(strip == number) & (s >= entry.start) & (s <= entry.end)] = ROLES.index(
-                entry.role
-            )
-        return codes
+                    parts.append((number, index))
+        rows = found[strip]
+        for number, index in parts:
+            entry = self.entries[index]
+            rows[(strip == number) & (s >= entry.start) & (s <= entry.end)] = index
+        return rows
 
 
 def roles_of(network: RoadNetwork, proposed: Sequence[RoleRange], folder: Path) -> Roles:
@@ -419,6 +331,7 @@ def _text(roles: Roles) -> str:
             "to": entry.end,
             "role": str(entry.role),
         }
+        | ({} if entry.certain else {"confidence": entry.confidence, "reason": entry.reason})
         for entry in roles.entries
     ]
     lines = ",\n  ".join(json.dumps(one, ensure_ascii=False) for one in listed)
@@ -465,14 +378,12 @@ def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> RoleRange
     def wrong(message: str) -> InvalidFile:
         return InvalidFile(f"{message}; {_HELP}", path=path, element=f"entry {number}")
 
-    if not isinstance(one, dict) or not {"road", "lane", "role"} <= one.keys() <= {
-        "road",
-        "lane",
-        "role",
-        "from",
-        "to",
-    }:
-        raise wrong("an entry has road, lane and role, and perhaps from and to")
+    needed = {"road", "lane", "role"}
+    optional = {"from", "to", "confidence", "reason"}
+    if not isinstance(one, dict) or not needed <= one.keys() <= needed | optional:
+        raise wrong(
+            "an entry has road, lane and role, and perhaps from and to, confidence and reason"
+        )
     road = network.roads.get(str(one["road"]))
     if road is None:
         raise wrong(f"the map has no road {one['road']!r}")
@@ -496,4 +407,11 @@ def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> RoleRange
     }
     if isinstance(one["lane"], bool) or one["lane"] not in lanes:
         raise wrong(f"road {road.id} has no lane {one['lane']!r} from {start:g} to {end:g} m")
-    return RoleRange(road.id, one["lane"], float(start), float(end), LaneRole(one["role"]))
+    confidence = one.get("confidence", 1.0)
+    if isinstance(confidence, bool) or not isinstance(confidence, int | float):
+        raise wrong("confidence is a number from 0 to 1")
+    if not 0.0 <= confidence <= 1.0:
+        raise wrong("confidence is a number from 0 to 1")
+    role, reason = LaneRole(one["role"]), str(one.get("reason", ""))
+    where = (road.id, one["lane"], float(start), float(end))
+    return RoleRange(*where, role, float(confidence), reason)

@@ -108,13 +108,15 @@ def way(before: int, after: int, lanes: Iterable[tuple[int, int]]) -> Connection
     return connection(str(before), str(after), lanes)
 
 
-def ramp(number: int, x: float, **links: object) -> RoadDesign:
-    """A one-lane road along the third lane."""
+def ramp(number: int, x: float, turn: float = 0.0, **links: object) -> RoadDesign:
+    """A one-lane road along the third lane, or one that bends away from its beginning (turn < 0) or towards its end (> 0)."""
     lanes = {-1: LaneDesign("driving", (Cubic(0.0, 3.5),))}
+    back = 100.0 if turn > 0.0 else 0.0
+    begin = PlanPose(x + back - back * math.cos(turn), -7.0 - back * math.sin(turn), turn)
     return RoadDesign(
         str(number),
         str(number),
-        PlanPose(x, -7.0, 0.0),
+        begin,
         (line(100.0),),
         (SectionDesign(0.0, lanes),),
         "motorway",
@@ -127,7 +129,7 @@ def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> Non
     into, out = mouth(10), mouth(11)
     roads = (
         carriageway(1, 0.0, 2, successor=into), carriageway(2, 100.0, 3, predecessor=into, successor=out),
-        carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, successor=into), ramp(5, 200.0, predecessor=out),
+        carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, 0.1, successor=into), ramp(5, 200.0, -0.1, predecessor=out),
     )  # fmt: skip
     both = ((-1, -1), (-2, -2))
     junctions = (
@@ -152,7 +154,7 @@ def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
     before, after = ("successor", "predecessor") if reverse else ("predecessor", "successor")
     first, second, third = (mouth(number) for number in (10, 11, 12))
     roads = (
-        carriageway(1, xs[0], 2, **{after: first}), ramp(4, xs[0], **{after: first}),
+        carriageway(1, xs[0], 2, **{after: first}), ramp(4, xs[0], -0.1 if reverse else 0.1, **{after: first}),
         carriageway(2, xs[1], 3, **{before: first, after: second}),
         carriageway(3, xs[2], 2, **{before: second, after: third}), ramp(5, xs[2], **{before: second, after: third}),
         carriageway(6, xs[3], 2, **{before: third}),
@@ -416,9 +418,6 @@ def test_a_block_with_rounded_corners_is_no_roundabout(
     assert [LaneRole.RING in found[str(number), -1] for number in range(1, 5)] == [ring] * 4
 
 
-NO_NETWORK: Any = None
-
-
 @pytest.mark.parametrize(
     ("points", "linked", "inside"),
     [
@@ -429,11 +428,13 @@ NO_NETWORK: Any = None
     ],
 )
 def test_a_way_out_of_the_ring_that_a_map_bends_inwards_is_no_lane_on_the_island(
-    monkeypatch: pytest.MonkeyPatch, points: list[tuple[float, float]], linked: bool, inside: bool
+    points: list[tuple[float, float]], linked: bool, inside: bool
 ) -> None:
-    monkeypatch.setattr(roles, "_centre_line", lambda *_, **__: np.array(points))
     strips = [SimpleNamespace(kind="driving")] * 2
     found: Any = SimpleNamespace(
-        strips=strips, preceding=[[], [0] if linked else []], following=[[], []]
+        strips=strips,
+        preceding=[[], [0] if linked else []],
+        following=[[], []],
+        centre_line=lambda _: np.array(points),
     )
-    assert roles._has_lanes_inside(NO_NETWORK, found, Point(0.0, 0.0).buffer(20.0), {0}) == inside
+    assert roles._has_lanes_inside(found, Point(0.0, 0.0).buffer(20.0), {0}) == inside
