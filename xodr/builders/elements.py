@@ -11,8 +11,10 @@ t to the left, lane ids negative on the right. The same design always gives the 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -61,6 +63,20 @@ class Clothoid(NamedTuple):
     start: float = 0.0
     end: float = 0.0
 
+    def after(self, pose: PlanPose) -> PlanPose:
+        """The pose at the end of the piece that starts at `pose`."""
+        from pyclothoids import Clothoid as Fitted
+
+        rate = (self.end - self.start) / self.length
+        curve = Fitted.StandardParams(*pose, self.start, rate, self.length)
+        turn = self.length * (self.start + self.end) / 2
+        return PlanPose(curve.XEnd, curve.YEnd, pose.heading + turn)
+
+    def first(self, length: float) -> Clothoid:
+        """Its first so many metres."""
+        end = self.start + (self.end - self.start) * length / self.length
+        return Clothoid(length, self.start, end)
+
 
 def line(length: float) -> Clothoid:
     """A straight piece."""
@@ -70,16 +86,6 @@ def line(length: float) -> Clothoid:
 def arc(length: float, curvature: float) -> Clothoid:
     """A circular piece; curvature positive to the left."""
     return Clothoid(length, curvature, curvature)
-
-
-def advance(pose: PlanPose, segment: Clothoid) -> PlanPose:
-    """The pose at the end of a segment that starts at `pose`."""
-    from pyclothoids import Clothoid as Fitted
-
-    rate = (segment.end - segment.start) / segment.length
-    curve = Fitted.StandardParams(*pose, segment.start, rate, segment.length)
-    turn = segment.length * (segment.start + segment.end) / 2
-    return PlanPose(curve.XEnd, curve.YEnd, pose.heading + turn)
 
 
 def connect(start: PlanPose, end: PlanPose) -> Clothoid:
@@ -123,6 +129,12 @@ class CubicPiece(NamedTuple):
             pose.heading + turn,
         )
 
+    def first(self, length: float) -> CubicPiece:
+        """Its first so many metres; p is taken as the share of the length."""
+        share = length / self.length
+        u, v = ((a, b * share, c * share**2, d * share**3) for a, b, c, d in (self.u, self.v))
+        return CubicPiece(length, u, v)
+
     def mirrored(self) -> CubicPiece:
         """The piece on the other side of its starting direction."""
         a, b, c, d = self.v
@@ -141,7 +153,8 @@ class LaneDesign:
     """A lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
 
     width: cubics, whose starts count from that of the section. speed_limit: in m/s; None where that
-    of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
+    of the road holds. other_predecessor, other_successor: links to lanes of the other layer. height:
+    of the inner and the outer border over the road's surface, m.
     """
 
     type: str
@@ -152,6 +165,7 @@ class LaneDesign:
     speed_limit: float | None = None
     other_predecessor: int | None = None
     other_successor: int | None = None
+    height: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -195,7 +209,8 @@ def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]])
 class RoadDesign:
     """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
 
-    offset: t of lane 0, along the whole road. temporary, temporary_offset: the same of the
+    offset: t of lane 0, along the whole road. elevation, superelevation: height (m) of the reference
+    line and roll (rad) about it, none for a flat road. temporary, temporary_offset: the same of the
     temporary layer of lanes.
     """
 
@@ -211,6 +226,8 @@ class RoadDesign:
     successor: RoadLink | None = None
     signals: tuple[Signal, ...] = ()
     offset: tuple[Cubic, ...] = ()
+    elevation: tuple[Cubic, ...] = ()
+    superelevation: tuple[Cubic, ...] = ()
     objects: tuple[RoadObject, ...] = ()
     temporary: tuple[SectionDesign, ...] = ()
     temporary_offset: tuple[Cubic, ...] = ()
@@ -230,11 +247,18 @@ class RoadDesign:
         """Poses at the start of each piece of the reference line, and at its end."""
         found = [self.start]
         for piece in self.plan:
-            found.append(
-                piece.after(found[-1])
-                if isinstance(piece, CubicPiece)
-                else advance(found[-1], piece)
-            )
+            found.append(piece.after(found[-1]))
+        return found
+
+    def poses_at(self, stations: Sequence[float]) -> list[PlanPose]:
+        """Poses of the reference line at places s (m), in ascending order, within its length."""
+        found, starts = [], self.poses
+        begins = list(accumulate((piece.length for piece in self.plan), initial=0.0))
+        for s in stations:
+            number = min(max(bisect_right(begins, s) - 1, 0), len(self.plan) - 1)
+            way = min(s - begins[number], self.plan[number].length)
+            here = starts[number]
+            found.append(self.plan[number].first(way).after(here) if way > 0.0 else here)
         return found
 
 
@@ -330,9 +354,9 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     signals = tuple(
         replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals
     )
-    offset, moved = (
+    offset, moved, roll = (
         tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in each)
-        for each in (road.offset, road.temporary_offset)
+        for each in (road.offset, road.temporary_offset, road.superelevation)
     )
     objects = tuple(
         replace(
@@ -346,7 +370,7 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     )
     return replace(
         road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects,
-        temporary=temporary, temporary_offset=moved,
+        superelevation=roll, temporary=temporary, temporary_offset=moved,
     )  # fmt: skip
 
 
@@ -411,6 +435,12 @@ def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
     kind = _add(element, "type", s=0, type=road.type)
     _add(kind, "speed", **_speed(road.speed_limit))
     _plan_view(_add(element, "planView"), road)
+    for profile, tag, cubics in (
+        ("elevationProfile", "elevation", road.elevation),
+        ("lateralProfile", "superelevation", road.superelevation),
+    ):
+        if cubics:
+            _cubics(_add(element, profile), tag, cubics)
     for layer, offset, sections in (
         (PERMANENT if road.temporary else None, road.offset, road.sections),
         (TEMPORARY, road.temporary_offset, road.temporary),
@@ -460,10 +490,14 @@ def _layer(
     offset: Sequence[Cubic],
     sections: Sequence[SectionDesign],
 ) -> None:
-    for cubic in offset:
-        _add(lanes, "laneOffset", s=cubic.start, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
+    _cubics(lanes, "laneOffset", offset)
     for section in sections:
         _section(lanes, section, layer)
+
+
+def _cubics(parent: etree._Element, tag: str, cubics: Iterable[Cubic]) -> None:
+    for cubic in cubics:
+        _add(parent, tag, s=cubic.start, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
 
 
 def _section(parent: etree._Element, section: SectionDesign, layer: str | None) -> None:
@@ -504,6 +538,8 @@ def _lane(side: etree._Element, key: int, lane: LaneDesign, layer: str | None) -
     _mark(element, lane.mark, layer)
     if lane.speed_limit is not None:
         _add(element, "speed", sOffset=0, **_speed(lane.speed_limit))
+    if lane.height is not None:
+        _add(element, "height", sOffset=0, inner=lane.height[0], outer=lane.height[1])
 
 
 def _speed(limit: float) -> dict[str, str | float]:

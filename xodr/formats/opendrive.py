@@ -1,22 +1,26 @@
 """OpenDRIVE from the lanes of a map, by way of lanelets: roads of neighbouring lanes, junctions, lights, speed limits.
 
-Roads are flat: heights of lanes are left out. All lanes are right-hand lanes of roads that run in
-the direction of traffic.
+Elevation and superelevation of a road are those of its outer borders. All lanes are right-hand
+lanes of roads that run in the direction of traffic.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from shapely import LineString
 
-from xodr.builders.elements import Geo
-from xodr.formats.lanelet2 import Lanelet, LaneletNeighbour, build
-from xodr.formats.lanelet2.lanelet import joined
-from xodr.formats.maps.lane_map import LaneMap, MapLane, resampled
+from schemas.common.array_types import FloatArray
+from xodr.builders.elements import Geo, LaneDesign, RoadDesign
+from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
+from xodr.formats.lanelet2.lanelet import joined, places
+from xodr.formats.maps.lane_map import LaneMap, MapLane, heights_on, resampled
+from xodr.model.geometry import Cubic, Profile
 
 _TOLERANCE = 0.02
 """Largest distance (m) of borders from those of the lanes, but for the ends of roads."""
@@ -26,8 +30,15 @@ _NARROWEST = 0.1
 """Lanes nowhere wider than this (m) are left out."""
 _BESIDE = 0.05
 """Greatest distance (m) of the borders of neighbours that share one."""
-_HIGH = 0.5
-"""Heights (m) that are worth a remark"""
+_STEP, _HALVINGS = 16.0, 6
+"""Distance (m) between the places of a road at which its heights are taken, and how often it is
+halved where that is too far."""
+_CLOSE, _WEIGHTS = 0.01, np.array([[1.0], [5.0]])
+"""Largest distance (m) of elevation and superelevation from heights between these places; a roll counts 5 m beside."""
+_KERBED = {"sidewalk", "walking", "curb"}
+"""Types of lanes that lie over the road's surface, perhaps."""
+_LEVEL = 1e-3
+"""Heights (m) of a map that count as none."""
 
 
 def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
@@ -54,12 +65,100 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     signs = sum(signal.kind == "sign" for signal in lane_map.signals)
     if signs:
         notes.append(f"{signs} signs are left out, but for speed limits of lanes")
-    heights = [float(np.abs(lane.left[:, 2]).max()) for lane in lanes.values()]
-    if max(heights, default=0.0) > _HIGH:
-        notes.append("the roads are flat at height 0, without the heights of the lanes")
+    made = built.map
+    highest = max(
+        (float(np.abs(line[:, 2]).max()) for lane in lanes.values() for line in (lane.left, lane.right)), default=0.0
+    )  # fmt: skip
+    if highest > _LEVEL:
+        made = replace(made, roads=tuple(_raised(built, lanes)))
     if lane_map.left_hand:
         notes.append("traffic keeps to the left: roads are one-way, so the rule says right")
-    return built.map.to_xml(), [*notes, *built.notes]
+    return made.to_xml(), [*notes, *built.notes]
+
+
+def _raised(built: Built, lanes: Mapping[str, MapLane]) -> Iterator[RoadDesign]:
+    """The roads with the heights of the lanes that they are made of."""
+    members: dict[str, dict[int, list[MapLane]]] = defaultdict(lambda: defaultdict(list))
+    for name, (road_id, number) in built.lanelets.items():
+        whole = name if name in lanes else name.rpartition("/")[0]  # it was split
+        members[road_id][number].append(lanes[whole])
+    for road in built.map.roads:
+        borders = _LaneBorders(road, members[road.id])
+        stations = np.linspace(0.0, road.length, places(road.length, _STEP))
+        known = borders.surface(stations)
+        for _ in range(_HALVINGS):
+            between = (stations[1:] + stations[:-1]) / 2
+            wanted = borders.surface(between)
+            away = np.abs(PchipInterpolator(stations, known, axis=1)(between) - wanted)
+            far = (away * _WEIGHTS > _CLOSE).any(axis=0)
+            if not far.any():
+                break
+            stations = np.append(stations, between[far])
+            known = np.append(known, wanted[:, far], axis=1)
+            order = np.argsort(stations)
+            stations, known = stations[order], known[:, order]
+        elevation, superelevation = (_profile(stations, values) for values in known)
+        yield replace(
+            road, elevation=elevation, superelevation=superelevation,
+            sections=(replace(road.sections[0], lanes=dict(borders.kerbed(stations, known))),),
+        )  # fmt: skip
+
+
+class _LaneBorders:
+    """Places and heights of the borders of a road's lanes.
+
+    Args:
+        road: its design.
+        members: the lanes that each of its lanes is made of, by id.
+    """
+
+    def __init__(self, road: RoadDesign, members: Mapping[int, Sequence[MapLane]]) -> None:
+        self._road, self._members = road, members
+        self._lanes = road.sections[0].lanes
+        flat = [number for number in members if self._lanes[number].type not in _KERBED]
+        self._first, self._last = max(flat or members), min(flat or members)
+
+    def at(self, number: int, side: int, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """t and height (m) at places s of the left (0) or the right (1) border of a lane."""
+        t = _values(self._road.offset, stations)
+        for lane_id in range(-1, number - side, -1):
+            t = t - _values(self._lanes[lane_id].width, stations)
+        poses = self._road.poses_at(stations.tolist())
+        points = [pose.shifted(aside)[:2] for pose, aside in zip(poses, t.tolist(), strict=True)]
+        lines = [(lane.left, lane.right)[side] for lane in self._members[number]]
+        return t, heights_on(np.array(points), lines)
+
+    def surface(self, stations: FloatArray) -> FloatArray:
+        """Height (m) and roll (rad) of the road at places s, (2, n), by its outer borders without kerbed lanes."""
+        (left, high), (right, low) = (
+            self.at(self._first, 0, stations), self.at(self._last, 1, stations)
+        )  # fmt: skip
+        slope = (high - low) / np.maximum(left - right, _NARROWEST)
+        return np.array([high - slope * left, np.arcsin(np.clip(slope, -1.0, 1.0))])
+
+    def kerbed(self, stations: FloatArray, surface: FloatArray) -> Iterator[tuple[int, LaneDesign]]:
+        """Each lane with the heights of its borders over the surface, where these are no part of it."""
+        level, roll = surface
+        for number, lane in self._lanes.items():
+            over = []
+            for side in (0, 1):
+                t, height = self.at(number, side, stations)
+                over.append(float(np.median(height - level - t * np.sin(roll))))
+            raised = max(map(abs, over)) > _CLOSE
+            yield number, replace(lane, height=(over[0], over[1])) if raised else lane
+
+
+def _values(cubics: Sequence[Cubic], stations: FloatArray) -> FloatArray:
+    profile = Profile(cubics)
+    return np.array([profile(s) for s in stations.tolist()])
+
+
+def _profile(stations: FloatArray, values: FloatArray) -> tuple[Cubic, ...]:
+    """Piecewise cubics through values that overshoot nowhere; one number where they are all the same."""
+    if np.ptp(values) < 1e-6:
+        return (Cubic(0.0, float(values[0]), 0.0, 0.0, 0.0),)
+    d, c, b, a = PchipInterpolator(stations, values).c
+    return tuple(Cubic(*map(float, row)) for row in zip(stations[:-1], a, b, c, d, strict=True))
 
 
 def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:

@@ -13,7 +13,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, shifted
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on, shifted
 from xodr.formats.sumo_net import DOCK, build, georeference, lift
 from xodr.graph.network import RoadNetwork
 
@@ -73,6 +73,8 @@ def read(path: Path) -> LaneMap:
         row = sorted(edge.iterchildren("lane"), key=lambda lane: int(lane.get("index", "0")))
         made = [_lane(lane, edge, path) for lane in row]
         internal = edge.get("function") == "internal"
+        if not internal:
+            _lean(made, -1 if left_hand else 1)
         for number, lane in enumerate(made):
             lane.in_junction = internal
             inner, outer = (
@@ -124,6 +126,30 @@ def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
         lane.get("id", ""), shifted(line, half), shifted(line, -half), _type(lane, edge),
         limit=float(lane.get("speed", "13.89")),
     )  # fmt: skip
+
+
+def _lean(row: list[MapLane], leftwards: int) -> None:
+    """Tilt lanes beside each other by the heights of their centre lines: a network has no other cross slope.
+
+    Args:
+        row: lanes of an edge by index.
+        leftwards: 1 where the index grows to the left, -1 where to the right.
+    """
+    centres = [lane.centre for lane in row]
+    if len(row) < 2 or not any(line[:, 2].any() for line in centres):
+        return
+    halves = [float(np.hypot(*(lane.left - lane.right)[0, :2])) / 2 for lane in row]
+    for number, lane in enumerate(row):
+        line = centres[number]
+        slopes = [
+            (heights_on(line[:, :2], [centres[n]]) - line[:, 2])
+            / ((n - number) * leftwards * (halves[n] + halves[number]))
+            for n in (number - 1, number + 1)
+            if 0 <= n < len(row)
+        ]
+        rise = np.mean(slopes, axis=0) * halves[number]
+        lane.left[:, 2] += rise
+        lane.right[:, 2] -= rise
 
 
 def _type(lane: etree._Element, edge: etree._Element) -> str:

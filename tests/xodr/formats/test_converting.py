@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,11 +14,21 @@ import xodr
 from schemas.common import fates
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.matrix_case import road
+from xodr.builders.elements import (
+    LaneDesign,
+    PlanPose,
+    RoadDesign,
+    RoadMap,
+    SectionDesign,
+    arc,
+    line,
+)
 from xodr.formats.maps import files as maps
 from xodr.formats.maps.comparing import compare
 from xodr.formats.maps.converting import FATES, MAP_FIELDS
 from xodr.formats.maps.lane_map import LaneMap, of_network
 from xodr.formats.maps.projecting import Projector
+from xodr.model.geometry import Cubic
 
 LIBRARY = Path(xodr.__file__).parent / "library"
 ENDINGS = {
@@ -54,6 +65,54 @@ def test_the_way_there_and_back_keeps_borders_and_connections(between: str, tmp_
     difference = maps.compare(path, back.path)
     assert difference.within > 0.95
     assert difference.connections_kept == 1.0 and not difference.connections_gained
+
+
+def hill_map() -> RoadMap:
+    """A road over a sharp crest, and a banked one that crosses it 20 m below."""
+    lane = LaneDesign("driving", (Cubic(0.0, 3.5),))
+    sections = (SectionDesign(0.0, {-1: lane, -2: lane}),)
+    common = {"sections": sections, "type": "rural", "speed_limit": 20.0, "name": ""}
+    crest = (Cubic(0.0, 10.0, 0.2), Cubic(50.0, 20.0, -0.2))
+    roads = (
+        RoadDesign("1", start=PlanPose(0.0, 0.0, 0.0), plan=(line(100.0),), elevation=crest, **common),  # type: ignore[arg-type]
+        RoadDesign(
+            "2", start=PlanPose(50.0, -60.0, math.pi / 2), plan=(line(50.0), arc(70.0, 0.01)),
+            superelevation=(Cubic(0.0, 0.0, 0.001),), **common,  # type: ignore[arg-type]
+        ),
+    )  # fmt: skip
+    return RoadMap("hill", roads)
+
+
+def hill(path: Path) -> Path:
+    return hill_map().write(path)
+
+
+@pytest.mark.parametrize("between", ["lanelet2", "commonroad", "geojson", "sumo"])
+def test_the_way_there_and_back_keeps_heights(between: str, tmp_path: Path) -> None:
+    path = hill(tmp_path / "hill.xodr")
+    assert maps.compare(path, path).heights.largest < 1e-9  # the lower road is not the upper one
+    there = maps.convert(path, tmp_path / ENDINGS[between])
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    for difference in (there.difference, back.difference, maps.compare(path, back.path)):
+        assert difference.heights.largest < 0.05 and difference.heights.places > 400
+
+
+def test_a_mirrored_road_leans_to_the_other_side(tmp_path: Path) -> None:
+    design = hill_map()
+    for side, built in ((-1, design), (1, design.mirrored())):
+        road = xodr.load(built.write(tmp_path / f"{side}.xodr")).roads["2"]
+        low = road.pose(120.0, side * 7.0)
+        assert low.z == pytest.approx(-7.0 * math.sin(0.12))
+        assert road.pose(120.0, -side * 7.0).z == pytest.approx(7.0 * math.sin(0.12))
+
+
+@pytest.mark.parametrize("text", ["high", "nan", "inf"])
+def test_a_height_that_is_no_number_is_refused(text: str, tmp_path: Path) -> None:
+    there = maps.convert(hill(tmp_path / "hill.xodr"), tmp_path / "map.osm")
+    content = there.path.read_text(encoding="utf-8")
+    there.path.write_text(content.replace('k="ele" v="10.0000"', f'k="ele" v="{text}"', 1))
+    with pytest.raises(InvalidFile, match=r"ele=.* is no finite number"):
+        maps.info(there.path)
 
 
 def told(difference: maps.MapDifference) -> list[bool]:
@@ -142,9 +201,7 @@ def test_each_format_declares_the_fate_of_each_field(target: str) -> None:
 def test_kept_fields_are_read_back(target: str, source: Path, tmp_path: Path) -> None:
     made = maps.convert(source, tmp_path / ENDINGS[target])
     kept = [field for field, fate in FATES[target].items() if fate.outcome == fates.KEPT]
-    # heights of Lanelet2 are in the file, and its reader leaves them out, by name
-    unread = {"heights"} if target == "lanelet2" else set()
-    assert [field for field in kept if field not in unread and not CHECKS[field](made)] == []
+    assert [field for field in kept if not CHECKS[field](made)] == []
 
 
 def test_opendrive_keeps_what_it_says_of_a_lane_map(source: Path, tmp_path: Path) -> None:

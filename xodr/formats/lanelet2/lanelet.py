@@ -244,7 +244,8 @@ def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: CrossLine) -
 
 
 def _free(name: str, table: Mapping[str, Lanelet]) -> str:
-    whole = name.partition("/")[0]
+    head = name.rpartition("/")[0]  # it may be a part itself; ids of maps may have slashes, too
+    whole = head if head in table else name
     return next(free for number in count(2) if (free := f"{whole}/{number}") not in table)
 
 

@@ -10,7 +10,7 @@ read; without a projection latitudes and longitudes are those of metres about 0,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import completed
 from xodr.formats.lanelet2.reader import read_lanelets
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on
 from xodr.formats.maps.projecting import Projector
 
 _NEAR = 0.02
@@ -299,7 +299,7 @@ def _add_tags(element: etree._Element, tags: dict[str, str]) -> None:
 
 
 def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
-    """The lanes of a file; heights are left out.
+    """The lanes of a file.
 
     Args:
         origin: latitude and longitude (degrees) of the origin of its UTM coordinates; None for the
@@ -311,7 +311,7 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
     """
     found = read_lanelets(path, origin)
     lanes, added = completed(found.lanes)
-    made = {one.id: _map_lane(one) for one in lanes}
+    made = {one.id: _map_lane(one, found.surveyed) for one in lanes}
     for one in lanes:
         for before in one.predecessors:
             if before in made and one.id not in made[before].successors:
@@ -325,13 +325,13 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
             lights.setdefault(light, []).append(one.id)
     signals = []
     for light, names in lights.items():
-        x, y = made[names[0]].right[-1, :2].tolist()
+        x, y, z = made[names[0]].right[-1].tolist()
         signals.append(
             MapSignal(
                 light,
                 "light",
                 ("1000001", "-1", "OpenDRIVE", None, ""),
-                (x, y, 0.0),
+                (x, y, z),
                 0.0,
                 tuple(names),
             )
@@ -351,8 +351,12 @@ def _own_projection(path: Path) -> tuple[str | None, tuple[float, float, float, 
     return projection, (numbers[0], numbers[1], numbers[2], numbers[3])
 
 
-def _map_lane(one: Lanelet) -> MapLane:
-    left, right = (np.column_stack([line, np.zeros(len(line))]) for line in (one.left, one.right))
+def _map_lane(one: Lanelet, surveyed: Mapping[str, tuple[FloatArray, FloatArray]]) -> MapLane:
+    known = surveyed.get(one.id) or surveyed.get(one.id.partition("/")[0])  # it may be a part
+    left, right = (
+        np.column_stack([line, heights_on(line, known) if known else np.zeros(len(line))])
+        for line in (one.left, one.right)
+    )
     return MapLane(
         one.id, left, right, one.type, one.road_type, None if math.isinf(one.speed_limit) else one.speed_limit,
         ((one.left_mark, "standard", None), (one.right_mark, "standard", None)), successors=list(one.successors),

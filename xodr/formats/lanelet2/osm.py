@@ -22,10 +22,11 @@ T = TypeVar("T")
 
 
 class OsmNode(NamedTuple):
-    """A point: latitude and longitude [degrees], and coordinates of the map [m] where it has its own; its line in the file."""
+    """A point: latitude and longitude [degrees], coordinates of the map [m] where it has its own, height [m]; its line in the file."""
 
     place: tuple[float, float] | None
     local: tuple[float, float] | None
+    height: float
     line: int | None
 
 
@@ -125,7 +126,8 @@ def _node(element: etree._Element) -> OsmNode:
         raise _invalid(element, "a node has lat and lon, or the tags local_x and local_y")
     if place is not None and not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         raise _invalid(element, f"lat={place[0]:g}, lon={place[1]:g} is no place on Earth")
-    return OsmNode(place, local, line_of(element))
+    height = _number(element, "ele", tags.get("ele") or "0")
+    return OsmNode(place, local, height, line_of(element))
 
 
 def _pair(
@@ -134,16 +136,20 @@ def _pair(
     values = [texts.get(name) or None for name in names]
     if values == [None, None]:
         return None
-    numbers = []
-    for name, value in zip(names, values, strict=True):
-        try:
-            number = float(value or "")
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            raise _invalid(element, f"{name}={value or ''!r} is no finite number")
-        numbers.append(number)
-    return numbers[0], numbers[1]
+    first, second = (
+        _number(element, name, value or "") for name, value in zip(names, values, strict=True)
+    )
+    return first, second
+
+
+def _number(element: etree._Element, name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise _invalid(element, f"{name}={text!r} is no finite number")
+    return number
 
 
 def _way(element: etree._Element) -> OsmWay:

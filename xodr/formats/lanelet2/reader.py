@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from xodr.builders.elements import Geo
 from xodr.formats.lanelet2.borders import LaneletBounds, bounds_of, linked, split_at_joints
@@ -189,13 +190,15 @@ class Lanelets(NamedTuple):
 
     lanes: lanelets that are lanes, with successors and right neighbours. crosswalks: those that are
     not. priorities: pairs of lanelets of which the first goes before the second. geo: where the map
-    is. notes: what is left out or assumed, one sentence each.
+    is. surveyed: left and right bound with heights, (n, 3) each, by id in the file; none of a flat
+    map. notes: what is left out or assumed, one sentence each.
     """
 
     lanes: list[Lanelet]
     crosswalks: list[Crosswalk]
     priorities: list[tuple[str, str]]
     geo: Geo | None
+    surveyed: dict[str, tuple[FloatArray, FloatArray]]
     notes: list[str]
 
 
@@ -244,6 +247,7 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
         for relation in relations
         if any(len(relation.refs(side, "way")) > 1 for side in ("left", "right"))
     ]
+    drawn = [lane.id for lane in lanes]
     lanes, splits = split_at_joints(linked(lanes, bounds), bounds, joined)
     notes = (
         [f"left out, since the map does not have them: {', '.join(osm.absent)}"]
@@ -256,7 +260,15 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
             f"bounds of several ways are joined, with the marks of the first: lanelets {' '.join(joined)}",
             *splits,
         ]
-    return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, notes)
+    surveyed = {}
+    if any(node.height for node in osm.nodes.values()):
+        for lane, edges in zip(drawn, bounds, strict=True):
+            left, right = (
+                np.array([(*points[node], osm.nodes[node].height) for node in line])
+                for line in edges.nodes
+            )
+            surveyed[lane] = left, right
+    return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, surveyed, notes)
 
 
 def _lane(

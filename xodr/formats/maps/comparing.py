@@ -62,7 +62,7 @@ class Distances(NamedTuple):
 
 @dataclass
 class MapDifference:
-    """MapDifference between two maps.
+    """Difference between two maps.
 
     Attributes:
         borders, centres, heights: distances, m.
@@ -151,16 +151,20 @@ def _beside(line: FloatArray, points: FloatArray) -> FloatArray:
 
 
 class _Matches(NamedTuple):
-    """Lanes near places: number of the place, number of the lane, distance from its centre line (m)."""
+    """Lanes near places: number of the place, number of the lane, distance from its centre line from above, height over it (m)."""
 
     place: IntArray
     lane: IntArray
     away: FloatArray
+    above: FloatArray
 
     def nearest(self, count: int) -> tuple[IntArray, FloatArray]:
-        """The nearest lane of each of `count` places, -1 where there is none, and its distance."""
+        """The nearest lane of each of `count` places, -1 where there is none, and its distance from above.
+
+        Nearest in space: bridges cross lanes.
+        """
         lane, away = np.full(count, -1), np.full(count, np.inf)
-        order = np.lexsort((self.lane, -self.away))  # the nearest comes last
+        order = np.lexsort((self.lane, -np.hypot(self.away, self.above)))  # the nearest comes last
         lane[self.place[order]] = self.lane[order]
         away[self.place[order]] = self.away[order]
         return lane, away
@@ -187,12 +191,13 @@ class _Index:
         """Lanes that run the same way near places.
 
         Args:
-            points: (n, 2) or (n, 3), m.
+            points: (n, 3), m.
             ways: directions, (n, 2).
             reach: greatest distances, (n,), m.
         """
         if not self.names or not len(points):
-            return _Matches(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+            nothing = np.zeros(0, np.int64)
+            return _Matches(nothing, nothing, np.zeros(0), np.zeros(0))
         places = shapely.points(points[:, :2])
         place, lane = self._tree.query(places, predicate="dwithin", distance=reach)
         lines = self._centres[lane]
@@ -204,7 +209,8 @@ class _Index:
         ahead = ends[1] - ends[0]
         same = np.einsum("ij,ij->i", ahead, ways[place]) > _SAME_WAY * np.hypot(*ahead.T)
         away = shapely.distance(lines, places[place])
-        return _Matches(place[same], lane[same], away[same])
+        above = points[place, 2] - shapely.get_z(shapely.line_interpolate_point(lines, at))
+        return _Matches(place[same], lane[same], away[same], above[same])
 
     def border_distances(self, lanes: IntArray, points: FloatArray) -> FloatArray:
         """Distances of places from the nearer border of a lane each, m."""
@@ -316,13 +322,14 @@ def _connections(
         if following in ours and lane.length >= STEP and ours[following].length >= STEP
     ]
     ends = list(dict.fromkeys(each for a, b in pairs for each in ((a, True), (b, False))))
-    points, ways = np.zeros((len(ends), 2)), np.zeros((len(ends), 2))
+    points, ways = np.zeros((len(ends), 3)), np.zeros((len(ends), 2))
     for number, (name, at_end) in enumerate(ends):
         lane = ours[name]
         inside = min(_INSIDE, 0.5 * lane.length)
         s = lane.length - inside if at_end else inside
-        behind, place, ahead = at_lengths(lane.centre, np.array([s - 0.2, s, s + 0.2]))[:, :2]
-        points[number], ways[number] = place, (ahead - behind) / max(math.dist(ahead, behind), 1e-9)
+        behind, place, ahead = at_lengths(lane.centre, np.array([s - 0.2, s, s + 0.2]))
+        way = (ahead - behind)[:2]
+        points[number], ways[number] = place, way / max(math.hypot(*way), 1e-9)
     matches = index.near(points, ways, np.full(len(ends), _LEAST_REACH))
     near: dict[tuple[str, bool], set[str]] = {each: set() for each in ends}
     for at, lane_number in zip(matches.place.tolist(), matches.lane.tolist(), strict=True):

@@ -56,7 +56,7 @@ _TYPES = "types that the format has; others are left out or the nearest"
 FATES: Mapping[str, Fates] = {
     "opendrive": {
         "lane borders": kept("within 5 cm"), "centre lines": kept("within 5 cm"),
-        "heights": lost("roads made of lanes are flat"), "lane types": kept(), "road types": kept(),
+        "heights": kept("within 5 cm"), "lane types": kept(), "road types": kept(),
         "speed limits": kept(), "road marks": changed("types; not colours, widths"), "lane links": kept(),
         "neighbours": changed("of lanes that lead the same way"), "junctions": kept(), "traffic lights": kept(),
         "signs": lost("the way by lanes has none"), "objects": lost("the way by lanes has none"), "projection": kept(),

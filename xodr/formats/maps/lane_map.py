@@ -6,10 +6,12 @@ All formats are read into a `LaneMap` and written from one (OpenDRIVE is written
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from schemas.common.array_types import FloatArray
 from xodr.graph.network import RoadNetwork
@@ -185,3 +187,17 @@ def shifted(line: FloatArray, aside: FloatArray | float) -> FloatArray:
     moved = line.copy()
     moved[:, :2] += mean * (stretch * aside)[:, None]
     return moved
+
+
+def heights_on(points: FloatArray, lines: Sequence[FloatArray]) -> FloatArray:
+    """Heights (n,) at the places of lines (m, 3) that are nearest to points (n, 2)."""
+    flat = [shapely.LineString(line[:, :2]) for line in lines]
+    spots = shapely.points(points)
+    away = np.array([shapely.distance(line, spots) for line in flat])
+    found = np.array(
+        [
+            np.interp(shapely.line_locate_point(line, spots), gone(known), known[:, 2])
+            for line, known in zip(flat, lines, strict=True)
+        ]
+    )
+    return found[np.argmin(away, axis=0), np.arange(len(points))]

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from schemas.common.array_types import FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import ToolchainError, Unsupported, UsageError
 from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.common.xml import parse
@@ -289,14 +289,32 @@ def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
             for x, y, *_ in (each.split(",") for each in lane.get("shape", "").split())
         ]
         gone = np.array([0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))])
-        heights = _heights(roads.roads[track.road_id], track, gone / max(gone[-1], _SHORTEST))
+        whole = max(gone[-1], _SHORTEST)
+        between = np.arange(_HEIGHTS_APART, whole, _HEIGHTS_APART)
+        places = np.unique(np.concatenate([gone, between]))
+        heights = _heights(roads.roads[track.road_id], track, places / whole)
+        kept = _bends(places, heights, np.isin(places, gone))
+        x, y = (np.interp(places[kept], gone, column) for column in np.array(points).T)
         shape = [
-            f"{x:.4f},{y:.4f},{z:.4f}" for (x, y), z in zip(points, heights.tolist(), strict=True)
+            f"{x:.4f},{y:.4f},{z:.4f}"
+            for x, y, z in zip(x.tolist(), y.tolist(), heights[kept].tolist(), strict=True)
         ]
         lane.set("shape", " ".join(shape))
 
 
-_SHORTEST, _HEIGHTS_APART = 1e-9, 2.0
+def _bends(places: FloatArray, heights: FloatArray, kept: BoolArray) -> BoolArray:
+    """The places of a shape with those between at which heights (m) are not those of straight lines."""
+    while True:
+        away = np.abs(np.interp(places, places[kept], heights[kept]) - heights)
+        piece = np.cumsum(kept)  # number of the line that a place is on
+        worst = {int(piece[at]): int(at) for at in np.argsort(away) if away[at] > _STRAIGHT}
+        if not worst:
+            return kept
+        kept = kept.copy()
+        kept[list(worst.values())] = True
+
+
+_SHORTEST, _HEIGHTS_APART, _STRAIGHT = 1e-9, 2.0, 0.01
 
 
 def _heights(road: Road, track: LaneTrack, shares: FloatArray) -> FloatArray:
