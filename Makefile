@@ -21,10 +21,10 @@ $(VENV)/.with-%: pyproject.toml constraints.txt
 
 install: $(DEVELOPMENT)
 
-# It needs no more than the search does; what is there for development has that.
+# It needs no more than the search does, which has no torch; what is there for development has that.
 demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## edge cases of adas in out/demo/index.html; adas beside cas in out/demo_cas/history.html
 	rm -rf out/demo out/demo_cas
-	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut adas --budget 60 --rounds 2 --most 4 --shown 6 --sample 10
+	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut adas --labels rules --budget 40 --rounds 1 --most 4 --shown 2 --sample 10
 	-$(BIN)/xosc-run generation/loop/demo/scenarios --sut cas --sample 10 --quiet --out out/demo_cas --replay
 	$(BIN)/xosc-replay out/demo/scenarios out/demo_cas
 

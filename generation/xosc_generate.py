@@ -310,4 +310,4 @@ def _prior(generated: Generated) -> str:
 
 def main() -> None:
     """Entry point of the command."""
-    guarded(NAME, app, extra="search")
+    guarded(NAME, app)

@@ -151,7 +151,7 @@ def _told(quiet: bool, stage: LoopStage, found: StageFinding, seconds: float | N
 
 def main() -> None:
     """Entry point of the command."""
-    guarded(NAME, app, extra="search")
+    guarded(NAME, app)
 
 
 if __name__ == "__main__":

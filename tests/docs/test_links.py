@@ -36,7 +36,20 @@ def test_every_page_is_linked_from_the_readme_or_a_page_that_is() -> None:
 
 @pytest.mark.parametrize("name", ["XOSC_SCHEMA_DIR", "XOSC_CACHE_DIR"])
 def test_environment_variables_are_those_of_the_code(name: str) -> None:
-    assert f"`{name}`" in README
+    assert f"`{name}`" in (ROOT / "docs" / "settings.md").read_text(encoding="utf-8")
     assert any(
         f'"{name}"' in path.read_text(encoding="utf-8") for path in ROOT.glob("schemas/**/*.py")
     )
+
+
+def test_messages_of_the_page_on_trouble_are_those_of_the_code() -> None:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
+    messages = [message for row in rows for message in re.findall(r"`([^`]+)`", row)]
+    folders = ("schemas", "xosc", "xodr", "runner", "generation", "recognition")
+    files = (path for folder in folders for path in ROOT.glob(f"{folder}/**/*.py"))
+    code = "".join(path.read_text(encoding="utf-8") for path in files)
+    assert len(messages) > 10
+    assert [
+        message for message in messages if message not in code and message.lower() not in code
+    ] == []

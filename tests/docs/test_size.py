@@ -23,7 +23,7 @@ GENERATED = {
 WRITTEN = ("README.md", "docs/**/*.md", "recognition/models/*/README.md", "generation/**/*.md")
 PAGES = sorted({page for pattern in WRITTEN for page in ROOT.glob(pattern)} - GENERATED)
 RESULTS = ("performance.md", "recognition-results.md", "generation-results.md", "parity.md")
-ALL_PAGES, A_RESULT = 31_000, 1_500
+ALL_PAGES, A_RESULT = 30_000, 1_500
 
 
 def words(page: Path) -> int:

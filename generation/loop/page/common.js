@@ -6,7 +6,10 @@ const sum = numbers => numbers.reduce((a, b) => a + b, 0);
 const redraws = [];
 
 const scenarios = state => sum(data.classes.filter(each => each.state === state).map(each => each.count));
-const done = data.searches.filter(search => !search.error),
+const collided = target => sum(data.searches.filter(search => search.target === target).map(search => search.collisions ?? 0));
+const done = data.searches
+    .filter(search => !search.error)
+    .sort((a, b) => collided(b.target) - collided(a.target) || a.round - b.round), // failures come first
   last = Math.max(1, ...done.map(search => search.round));
 const rounds = Array.from({ length: last }, (_, i) => done.filter(search => search.round === i + 1));
 const cases = done.flatMap(search => search.cases),
