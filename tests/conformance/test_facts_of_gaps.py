@@ -322,3 +322,33 @@ def test_a_left_hand_clearance_counts_lanes_to_the_left(tmp_path: Path) -> None:
     init = place("Ego", 100, 10, 1) + place("Lead", 140, 10, 2)
     assert triggered(tmp_path, clear.format(1), init, road="straight_lht") is None
     assert triggered(tmp_path, clear.format(0), init, road="straight_lht") == 0.0
+
+
+FINAL = {
+    "speed": ('<AbsoluteSpeed value="12"/>', 12.0),
+    "delta": ('<RelativeSpeedToMaster value="3" speedTargetValueType="delta"/>', 18.0),
+    "factor": ('<RelativeSpeedToMaster value="0.8" speedTargetValueType="factor"/>', 12.0),
+    "steady": (
+        '<AbsoluteSpeed value="12"><TargetDistanceSteadyState distance="30"/></AbsoluteSpeed>',
+        12.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FINAL)
+def test_a_synchronisation_ends_with_its_final_speed(case: str, tmp_path: Path) -> None:
+    """FinalSpeed: absolute, or relative to the master; steady over a distance before the target."""
+    final, speed = FINAL[case]
+    action = (
+        '<PrivateAction><SynchronizeAction masterEntityRef="Lead"><TargetPositionMaster>'
+        f"{lane_position(-2, 250)}</TargetPositionMaster><TargetPosition>{lane_position(-1, 250)}"
+        f"</TargetPosition><FinalSpeed>{final}</FinalSpeed></SynchronizeAction></PrivateAction>"
+    )
+    init = place("Ego", 120, 10) + place("Lead", 145, 15, -2)
+    result = play(tmp_path, init, story("Ego", [(0.0, action)]))
+    (end,), ego = events(result, "endTransition", "action0"), track(result, "Ego")
+    assert end.time == pytest.approx(7.0, abs=0.11)
+    assert at(ego, 7.05, "speed") == pytest.approx(speed, abs=0.1)
+    assert at(ego, 7.0, "x") == pytest.approx(250.0, abs=1.0)
+    if case == "steady":
+        assert at(ego, 5.0, "speed") == pytest.approx(speed, abs=0.1)

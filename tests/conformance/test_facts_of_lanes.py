@@ -16,6 +16,7 @@ from tests.conformance.scenes import (
     TELEPORT,
     lane_position,
     other,
+    placed_beside,
     play,
     start,
     triggered,
@@ -223,3 +224,53 @@ def test_speed_actions_do_not_disturb_a_lane_change(tmp_path: Path) -> None:
     ego = track(play(tmp_path, init, stories), "Ego")
     assert at(ego, 3.05, "t") == pytest.approx(-5.25, abs=1e-3)
     assert at(ego, 3.6, "speed") == pytest.approx(5.0, abs=1e-6)
+
+
+# lane offsets of roads --------------------------------------------------------------------------
+
+
+def shifted(folder: Path) -> None:
+    """The straight road, whose lanes move 2 m to the left from s = 200 m to 300 m."""
+    text = (ROADS / "straight.xodr").read_text(encoding="utf-8")
+    records = ((0, 0, 0), (200, 0, 0.02), (300, 2, 0))
+    offsets = "".join(f'<laneOffset s="{s}" a="{a}" b="{b}" c="0" d="0"/>' for s, a, b in records)
+    (folder / "straight.xodr").write_text(
+        text.replace("<lanes>", f"<lanes>{offsets}"), encoding="utf-8"
+    )
+
+
+def test_a_car_follows_lanes_that_a_lane_offset_moves(tmp_path: Path) -> None:
+    shifted(tmp_path)
+    init = start("Ego", lane_position(-1, 150), 20) + start("Lead", lane_position(-2, 400, 0.5), 0)
+    result = play(tmp_path, init)
+    ego = track(result, "Ego")
+    inside = abs(ego["s"] - 250.0).argmin()
+    assert ego["y"][inside] == pytest.approx(-1.75 + 0.02 * (ego["s"][inside] - 200.0), abs=1e-6)
+    assert ego["h"][inside] == pytest.approx(math.atan(0.02), abs=1e-3)
+    assert at(ego, 9.0, "y") == pytest.approx(0.25)
+    assert at(track(result, "Lead"), 1.0, "y") == pytest.approx(-2.75)
+
+
+@pytest.mark.parametrize(
+    ("position", "y"),
+    [
+        ('<RoadPosition roadId="1" s="400" t="-1"/>', -1.0),
+        ('<RelativeLanePosition entityRef="Lead" dLane="1" ds="220"/>', 3.75),
+        ('<RelativeRoadPosition entityRef="Lead" ds="220" dt="0"/>', -1.75),
+    ],
+)
+def test_t_counts_from_the_reference_line_and_lanes_move(
+    position: str, y: float, tmp_path: Path
+) -> None:
+    """RoadPosition, RelativeRoadPosition: t is that of the reference line, whatever the laneOffset."""
+    shifted(tmp_path)
+    ego, _ = placed_beside(tmp_path, position)
+    assert (at(ego, 8.0, "x"), at(ego, 8.0, "y")) == pytest.approx((400.0, y))
+
+
+def test_a_lane_change_ends_in_the_middle_of_a_lane_that_moves(tmp_path: Path) -> None:
+    shifted(tmp_path)
+    change = CHANGE.format("", '<AbsoluteTargetLane value="-2"/>')
+    init = start("Ego", lane_position(-1, 180), 20) + start("Lead", lane_position(2, 400), 0)
+    ego = track(play(tmp_path, init, story("Ego", [(1.0, change)])), "Ego")
+    assert at(ego, 9.0, "y") == pytest.approx(-3.25, abs=1e-6)
