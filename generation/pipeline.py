@@ -26,7 +26,6 @@ from generation.search.gate import (
     replay_shares,
 )
 from generation.search.outcomes import (
-    REFERENCES,
     Cases,
     Drivers,
     Episodes,
@@ -57,7 +56,6 @@ from generation.space.density.prior import Prior
 from generation.space.density.roles import roles_of
 from generation.space.recorded import Recorded
 from generation.space.space import Space, apart, distinctive
-from generation.twin.episodes import Twin
 from runner.batch.inputs import OURS, inputs
 from runner.judging.settings import RunSettings
 from runner.systems import system_name
@@ -68,11 +66,9 @@ from schemas.common.storage import alone, digest, write_object
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
 _REPLAYED = 30, 300
-"""Least and most replays of recorded units that a density is measured by; without a twin; between them a tenth of the budget"""
+"""Least and most replays of recorded units that a density is measured by; without plays; between them a tenth of the budget"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
-"""Replays, and draws, that a twin plays to measure a density for each run of the budget, and how many at most"""
-_SCREENED = 500
-"""Least budget from which plays in arrays choose the runs: below it the plays take longer than the runs"""
+"""Replays, and draws, that are played to measure a density for each run of the budget, and how many at most"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
@@ -100,8 +96,8 @@ class Generated:
         draws: the unguided draws of this call; None where there were none.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
-        plays: how many points the twin played with the system under test to choose the runs of the
-            search; 0 without a twin.
+        plays: how many points were played with the system under test to choose the runs of the
+            search; 0 where its scenario does not play in arrays.
     """
 
     space: Space
@@ -192,14 +188,8 @@ def generate(
         unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget
-        twin = _twin(scenario, space, settings)
-        if isinstance(twin, ArrayPlays) and settings.budget < _SCREENED:
-            twin = None
-        screen, references = (
-            (Counting(twin), twin.together([*REFERENCES.values()]))
-            if twin is not None
-            else (None, None)
-        )
+        plays = _plays(scenario, space, settings)
+        screen = None if plays is None else Counting(plays)
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = remembering(evaluator)
 
@@ -213,7 +203,7 @@ def generate(
             )
             estimates = more.episodes(reward)
             every = Episodes.joined([every, estimates])
-            cases = choose(space, every, judged, drivers, settings.choice, found, references)
+            cases = choose(space, every, judged, drivers, settings.choice, found, plays)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
             generated = Generated(
                 space, real, prior, history, every, cases, files, gate, runs.reused, rate,
@@ -327,22 +317,22 @@ def _gate(
     out: Path,
     settings: SearchSettings,
 ) -> Gate:
-    """Measure a density: on the twin where that has the verdicts of all unguided draws, else by these draws and by runs.
+    """Measure a density: by plays where these have the verdicts of all unguided draws, else by these draws and by runs.
 
-    Recorded units have their own values of what is pinned, and so have the draws that the twin
-    plays.
+    Recorded units have their own values of what is pinned, and so have the draws that are
+    played.
     """
     drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
         return Gate(None, drawn)
     (own, units), generator = replays, np.random.default_rng(0)
     units = units[generator.permutation(len(units))]
-    twin, replaying = _twin(scenario, space, settings), _twin(scenario, own, settings)
+    plays, replaying = _plays(scenario, space, settings), _plays(scenario, own, settings)
     ran = unseen.outcomes.executed
     if (
-        twin is not None
+        plays is not None
         and replaying is not None
-        and agrees(twin(unseen.theta[ran]), unseen.outcomes.take(ran))
+        and agrees(plays(unseen.theta[ran]), unseen.outcomes.take(ran))
     ):
         number = min(_PLAYED * settings.budget, _MOST_PLAYED)
         replayed, unprevented = replay_shares(units[:number], replaying, replaying)
@@ -386,7 +376,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
             "runs": int(sought.executed.sum()),
             "failures": int((sought.executed & sought.collision).sum()),
         },
-        "plays_on_twin": made.plays,
+        "plays": made.plays,
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
@@ -414,7 +404,7 @@ def _estimate(
     assert problem.prior is not None
     known = Known(episodes.theta, episodes.outcomes.collision)
     chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
-    found = estimate(problem.prior, run, drivers, known, problem.twin, chosen)
+    found = estimate(problem.prior, run, drivers, known, problem.plays, chosen)
     return found._replace(driving=driving(recorded, problem.space, problem.prior))
 
 
@@ -442,11 +432,10 @@ def _runs_file(
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
 
-def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | ArrayPlays | None:
-    """Plays of a scenario: by its twin, else in arrays; None where neither can play it, its system or a setting."""
-    for kind in (Twin, ArrayPlays):
-        with suppress(Unsupported):
-            return kind(scenario, space, settings.run, settings.rss)
+def _plays(scenario: Path, space: Space, settings: SearchSettings) -> ArrayPlays | None:
+    """Plays of a scenario in arrays; None where it, its system or a setting does not play so."""
+    with suppress(Unsupported):
+        return ArrayPlays(scenario, space, settings.run, settings.rss)
     return None
 
 

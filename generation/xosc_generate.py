@@ -243,17 +243,17 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if len(errors):
         yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
     yield f"  {many(drawn.draws, 'unguided draw')} of the density: {many(drawn.failing, 'collision')}; {_prior(generated)}"
-    chosen = f", chosen by {many(generated.plays, 'play')} on the twin" if generated.plays else ""
+    chosen = f", chosen by {many(generated.plays, 'play')}" if generated.plays else ""
     if len(outcomes):
         collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     else:
-        yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails on the twin"
+        yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
     if generated.cut:
         budget = many(settings.budget, "run")
         yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
     elif 0 < len(outcomes) < settings.budget - drawn_of(settings.budget):
-        yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed on the twin any more"
+        yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed in plays any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     if generated.damaged:
@@ -276,7 +276,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  of these, reference drivers survive: {survived}"
     if cases.agreed:
         judges = ", ".join(JUDGES)
-        yield f"  {judges} were run, and all their {cases.agreed} verdicts are the twin's, on which the other drivers were played"
+        yield f"  {judges} were run, and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
     yield f"  {generated.statement}"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines())

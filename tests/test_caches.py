@@ -23,7 +23,6 @@ OBJECT = "object"
 INPUTS = "inputs"
 """Key: paths that one command reads. They are read once per process; a command does not read what it has written."""
 CACHES = {
-    "generation.twin.motion._blank": VALUE,
     "recognition.catalogue.recordings._loaded": FILE,
     "recognition.catalogue.recordings._material": OBJECT,
     "recognition.catalogue.recordings.listed": INPUTS,

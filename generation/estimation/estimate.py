@@ -1,4 +1,4 @@
-"""Probability of a failure under the density: importance sampling from a proposal made of failures on the twin, or draws."""
+"""Probability of a failure under the density: importance sampling from a proposal made of failures in arrays, or draws."""
 
 from __future__ import annotations
 
@@ -189,15 +189,15 @@ FAILURE, PREVENTABLE = "collision", "preventable collision"
 BANDS = (0.0, 5.0, 10.0, 20.0)
 """Lower edges of the bands of impact speed, m/s"""
 _DEFENSIVE, _LEARNT = 0.2, 0.1
-"""Share of the draws that is of the prior, with a twin and where its place is taken by what runs say"""
+"""Share of the draws that is of the prior, with plays and where its place is taken by what runs say"""
 _BLOCK, _BLOCKS, _SOUGHT = 16_384, 16, 400
-"""Draws of the prior that the twin plays at a time, how often at most, and failures at which it stops"""
+"""Draws of the prior that are played at a time, how often at most, and failures at which it stops"""
 _STAGES = 3
-"""Without a twin, stages of as many runs: each looks where the runs before it say"""
+"""Without plays, stages of as many runs: each looks where the runs before it say"""
 _SURE, _UNSURE, _MOST = 0.5, 0.1, 1600
 """Shares of a forest above which it takes a draw for a failure, and for one that may be; how many of the latter are kept"""
 _CONTROLLED = 32_768
-"""Draws of the proposal that the twin plays"""
+"""Draws of the proposal that are played"""
 _LEAST = 30
 """Fewest failures that a proposal is made of"""
 
@@ -209,7 +209,7 @@ class EstimateSettings:
     Attributes:
         runs: how many are spent.
         seed: of all that is drawn.
-        controlled: whether the twin at the same points is used as control.
+        controlled: whether plays of the same points are used as control.
         resampled: densities of resampled recordings that tell how sure the density is.
     """
 
@@ -319,7 +319,7 @@ def estimate(
     evaluate: Evaluate,
     drivers: Drivers,
     known: Known,
-    twin: Plays | None = None,
+    plays: Plays | None = None,
     settings: EstimateSettings = EstimateSettings(),
 ) -> Estimate:
     """Estimate how often the system fails.
@@ -327,18 +327,18 @@ def estimate(
     Args:
         prior: what traffic does.
         evaluate: runs points with the system under test. drivers: with other ones.
-        known: runs of before: the first proposal is made of these where there is no twin.
-        twin: plays points without a simulator; None where there is none.
+        known: runs of before: the first proposal is made of these where there are no plays.
+        plays: plays points without a simulator; None where there is none.
 
     Raises:
         UsageError: the known failures make no proposal.
     """
     generator = np.random.default_rng(settings.seed)
     stages, thetas, parts, looked = list[Stage](), list[FloatArray](), list[Outcomes](), 0
-    for runs in _shared(settings.runs, _STAGES if twin is None else 1):
+    for runs in _shared(settings.runs, _STAGES if plays is None else 1):
         proposal, failures = (
-            _failures_on(prior, twin, generator)
-            if twin is not None
+            _failures_on(prior, plays, generator)
+            if plays is not None
             else _learnt(prior, known, generator)
         )
         looked = failures if proposal is not None else looked
@@ -355,9 +355,9 @@ def estimate(
     drawn, theta = Stages(stages), np.concatenate(thetas)
     real = _judged(theta, joined(parts), drawn, drivers)
     controls: tuple[_Played, _Played] | None = None
-    if twin is not None and proposal is not None and settings.controlled:
+    if plays is not None and proposal is not None and settings.controlled:
         many = proposal.sample(_CONTROLLED, generator)
-        controls = _played(theta, drawn, twin), _played(many, drawn, twin)
+        controls = _played(theta, drawn, plays), _played(many, drawn, plays)
     probabilities, ratios = {}, np.zeros((settings.resampled, len(theta)))
     colliding = real.outcomes.collision
     ratios[:, colliding] = _ratios(prior, theta[colliding], settings, generator)
@@ -408,10 +408,10 @@ def _shared(runs: int, stages: int) -> list[int]:
 
 
 def _failures_on(
-    prior: Prior, twin: Plays, generator: np.random.Generator
+    prior: Prior, plays: Plays, generator: np.random.Generator
 ) -> tuple[Proposal | None, int]:
-    """The proposal of draws of the prior that fail on the twin, and how many there are; None where they are too few."""
-    failures = _draws(prior, lambda theta: twin(theta).collision.astype(np.float64), generator)[0]
+    """The proposal of draws of the prior that fail in arrays, and how many there are; None where they are too few."""
+    failures = _draws(prior, lambda theta: plays(theta).collision.astype(np.float64), generator)[0]
     return Proposal(prior, _DEFENSIVE, failures) if len(failures) >= _LEAST else None, len(failures)
 
 
@@ -451,8 +451,8 @@ def _draws(
     return np.concatenate(sure), np.concatenate(unsure)
 
 
-def _played(theta: FloatArray, drawn: Stages, twin: Plays) -> _Played:
-    return _judged(theta, twin(theta), drawn, twin)
+def _played(theta: FloatArray, drawn: Stages, plays: Plays) -> _Played:
+    return _judged(theta, plays(theta), drawn, plays)
 
 
 def _judged(theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers) -> _Played:

@@ -83,7 +83,7 @@ class Probability(NamedTuple):
 
 
 class ControlVariate(NamedTuple):
-    """The same event on a cheap twin.
+    """The same event in cheap plays.
 
     Attributes:
         same: whether it happens there at the draws (n,).
@@ -99,16 +99,16 @@ class ControlVariate(NamedTuple):
 def probability(
     failing: BoolArray, weights: FloatArray, greatest: float, control: ControlVariate | None = None
 ) -> Probability:
-    """Of an event, by importance sampling with the twin as control variate.
+    """Of an event, by importance sampling with plays as control variate.
 
-    P = mean(w·f) − β (mean(w·g) − G), f the event, g that on the twin, G its mean over many draws,
-    β the regression of the first on the second: only what the twin gets wrong is left to chance. A.
+    P = mean(w·f) − β (mean(w·g) − G), f the event, g that in plays, G its mean over many draws,
+    β the regression of the first on the second: only what plays get wrong is left to chance. A.
     B. Owen, Monte Carlo theory, methods and examples, 2013, §8.9 and §9.
 
     Args:
         failing: whether it happens at draws (n,) of the proposal. weights: p/q of these (n,).
         greatest: weight that none exceeds.
-        control: on the twin; None where there is none.
+        control: in plays; None where there is none.
     """
     found = weights * failing
     n, value, residual, extra = len(found), float(found.mean()), found - found.mean(), 0.0

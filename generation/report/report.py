@@ -525,7 +525,7 @@ def _spent(generated: Generated) -> str:
         many(generated.statement.draws, "unguided draw"),
     )
     cut = ", ended by its time" if generated.cut else ""
-    return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin{cut}"
+    return f"{sought}, {drawn}, {many(generated.plays, 'play')} in arrays{cut}"
 
 
 def _rounded(values: FloatArray | Sequence[float]) -> list[float]:

@@ -138,7 +138,7 @@ class Gate(NamedTuple):
         replayed: recorded units with their own values; None where nothing is recorded.
         drawn: draws of the density.
         unprevented: replays in which the careful drivers collide too; None counts all that collide.
-        played: whether the twin played them.
+        played: whether they were played in arrays.
     """
 
     replayed: Share | None
@@ -170,7 +170,7 @@ class Gate(NamedTuple):
     def __str__(self) -> str:
         if self.replayed is None:
             return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
-        where = " on the twin" if self.played else ""
+        where = " in arrays" if self.played else ""
         measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density{where}"
         if self.testable or self.refusal is not None:
             return measured

@@ -24,6 +24,7 @@ from runner.batch.pool import Pool
 from runner.engine.motion.rss import parameter_set
 from runner.judging.result import INCONCLUSIVE
 from runner.judging.settings import RunSettings
+from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants
 from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.policy import limited
@@ -363,10 +364,41 @@ class FullBraking:
     brake: float = 9.0
     _before: dict[str, tuple[float, float]] = field(init=False, repr=False, default_factory=dict)
     _begun: bool = field(init=False, repr=False, default=False)
+    _states: FloatArray = field(init=False, repr=False, default_factory=lambda: np.empty((0, 0, 0)))
+    _active: BoolArray = field(init=False, repr=False, default_factory=lambda: np.empty(0, bool))
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
         self._before, self._begun = {}, False
+
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Forget the last runs."""
+        self._states, self._active = np.empty((0, 0, len(seeds))), np.zeros(len(seeds), bool)
+
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        run, ego, others = observations.run, observations.ego, observations.others
+        names = ("speed", "x", "y", "z", "h")
+        now = np.array(
+            [np.concatenate([[getattr(ego, name)], getattr(others, name)]) for name in names]
+        )
+        there = np.concatenate([[np.ones(len(run), bool)], others.present])
+        now = np.where(there, now, np.nan)
+        if not self._states.size:
+            self._states = np.full((*now.shape[:2], len(self._active)), np.nan)
+        speed, x, y, _, h = before = self._states[:, :, run]
+        active = np.abs(now[0] - speed) > _CHANGED
+        # who goes where he faces keeps his place in a lane, unless that bends: it is looked up
+        aside = (now[2] - y) * np.cos(h) - (now[1] - x) * np.sin(h)
+        waiting = ~self._active[run] & ~active.any(axis=0)
+        for who, row in zip(*np.nonzero((np.abs(aside) > _CHANGED / 2) & waiting), strict=True):
+            if (network := observations.network[row]) is not None:
+                places = (state[1:4, who, row].tolist() for state in (before, now))
+                first, last = (network.locate(*place).offset for place in places)
+                active[who, row] |= abs(last - first) > _CHANGED
+        self._active[run] |= active.any(axis=0)
+        self._states[:, :, run] = now
+        return BatchControl(np.full(len(run), -self.brake), self._active[run])
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Nothing until the manoeuvre begins, then full braking."""
@@ -423,7 +455,7 @@ class Matrix(NamedTuple):
 
     Attributes:
         drivers: outcomes by name.
-        agreed: verdicts of the judges, all the same on the twin, on which the others were played; 0
+        agreed: verdicts of the judges, all the same in arrays, on which the others were played; 0
             where all were run.
     """
 
@@ -431,23 +463,23 @@ class Matrix(NamedTuple):
     agreed: int = 0
 
 
-def matrix(theta: FloatArray, drivers: Drivers, twin: Drivers | None = None) -> Matrix:
-    """The matrix of points (n, d). The judges are run; the others are played on the twin, if it agrees with all verdicts of the
+def matrix(theta: FloatArray, drivers: Drivers, plays: Drivers | None = None) -> Matrix:
+    """The matrix of points (n, d). The judges are run; the others are played in arrays, if plays agree with all verdicts of the
     judges, and run otherwise.
 
     Args:
-        twin: plays points with the system of a name; None for none.
+        plays: plays points with the system of a name; None for none.
     """
     judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
     others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
     if (
-        twin is None
+        plays is None
         or not len(theta)
-        or not all(agrees(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES)
+        or not all(agrees(judged[name], plays(theta, REFERENCES[name])) for name in JUDGES)
     ):
         return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})
     return Matrix(
-        judged | {name: _driven(theta, sut, twin) for name, sut in others.items()},
+        judged | {name: _driven(theta, sut, plays) for name, sut in others.items()},
         len(JUDGES) * len(theta),
     )
 
@@ -512,7 +544,7 @@ class Cases:
         log_likelihood: log-density (n,) at theta.
         drivers: what came of the reference drivers there, by their names
             (`generation.search.outcomes.REFERENCES`).
-        agreed: verdicts of the judges that the twin shares, all of them, where it played the other
+        agreed: verdicts of the judges that plays in arrays share, all of them, where these are of the other
             drivers; 0 where all were run.
     """
 
@@ -583,7 +615,7 @@ def choose(
     drivers: Drivers,
     choice: Choice = Choice(),  # noqa: B008 - frozen
     found: FloatArray | None = None,
-    twin: Drivers | None = None,
+    plays: Drivers | None = None,
 ) -> Cases:
     """The foreseeable and preventable failures that are far enough from each other, the likelier first.
 
@@ -591,7 +623,7 @@ def choose(
         judged: says how likely points are, and which are foreseeable.
         drivers: runs scenarios with a system under test of a name.
         found: points (m, d) that the cases are to be far enough from as well.
-        twin: plays reference drivers that are no judges, where it agrees with the judges' runs;
+        plays: plays reference drivers that are no judges, where they agree with the judges' runs;
             None for none.
     """
     drivers = remembering(drivers)
@@ -609,7 +641,7 @@ def choose(
         taken.add(episodes.theta, order[touched[order]], lambda rows: np.ones(len(rows), bool))
     chosen = np.array(taken.rows, np.int64)
     theta = episodes.theta[chosen]
-    references = matrix(theta, drivers, twin)
+    references = matrix(theta, drivers, plays)
     outcomes = episodes.outcomes.take(chosen)
     return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], *references)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,7 +44,10 @@ class ArrayPlays:
         ToolchainError: the system fails, or the scenario can't be compiled.
     """
 
-    def __init__(self, scenario: Path, space: Space, run: RunSettings, rss: str) -> None:
+    def __init__(
+        self, scenario: Path, space: Space, run: RunSettings | None = None, rss: str = "ad-rss"
+    ) -> None:
+        run = run or RunSettings()
         self._scenario, self._space, self._rss = scenario, space, rss
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
@@ -82,10 +84,6 @@ class ArrayPlays:
             for name, value in episode(job, settings, self._rss).items():
                 columns[name][row] = value
         return Outcomes.of(len(sets), **{name: each.tolist() for name, each in columns.items()})
-
-    def together(self, suts: Sequence[str]) -> Callable[[FloatArray, str], Outcomes]:
-        """The same, called with points and a system's name."""
-        return self
 
     def _values(self, row: FloatArray) -> dict[str, str]:
         values = {**self._space.pinned, **self._space.values(row)}

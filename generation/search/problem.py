@@ -123,7 +123,7 @@ BATCH = 50
 
 
 class Plays(Protocol):
-    """Plays points of a space; `generation.twin.episodes.Twin` does."""
+    """Plays points of a space without a simulator; `generation.search.plays.ArrayPlays` does."""
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), driven by the problem's system under test, or by the one of a name."""
@@ -196,7 +196,7 @@ class SearchProblem:
         found: critical points (m, d) that earlier searches of the same space have found; None for
             none.
         prior: what traffic does in this space; None where only the published reward is asked for.
-        twin: plays points without a simulator, with any system under test; None where there is
+        plays: plays points without a simulator, with any system under test; None where there is
             none.
     """
 
@@ -206,7 +206,7 @@ class SearchProblem:
     real: FloatArray
     found: FloatArray | None = None
     prior: Prior | None = None
-    twin: Plays | None = None
+    plays: Plays | None = None
 
     @property
     def starts(self) -> FloatArray:

@@ -52,7 +52,9 @@ _TEXTS = ("outcome", "status", "partner")
 _COLUMNS = (*_TEXTS, "end_time", "contact", "min_ttc", "min_distance", "max_drac", "risk")
 """Columns of `sets.parquet` beside the name of the run and its parameters"""
 _RUN_BY_RUN = 0.1
-"""Share of steps of entities, and of runs, from which on single runs are as fast"""
+"""Share of steps of entities that are done run by run from which on single runs are as fast"""
+_MOST_OPEN = 0.5
+"""Share of runs that are left to the interpreter from which on it may as well play all"""
 Sets = Sequence[Mapping[str, str]]
 
 
@@ -191,7 +193,7 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
                 moves = outcomes.steps.sum() * len(outcomes.motions)
                 if (
                     run.loaded.count > _RUN_BY_RUN * moves
-                    or (outcomes.outcome == OPEN).mean() > _RUN_BY_RUN
+                    or (outcomes.outcome == OPEN).mean() > _MOST_OPEN
                 ):
                     return "much of it is done run by run, as slowly as in single runs"
     except (NotInArrays, Unsupported) as error:

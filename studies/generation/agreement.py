@@ -1,4 +1,4 @@
-"""Agreement of the twin's verdicts with SUMO's: at draws of the prior, and at failures of the twin."""
+"""Agreement of verdicts of plays in arrays with SUMO's: at draws of the prior, and at failures in arrays."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ class Agreement(NamedTuple):
 
 
 def measured(posed: Posed, draws: int, finds: int, seed: int) -> list[Agreement]:
-    """Play draws of the prior and uniform ones, and finds of a search on the twin, on both.
+    """Play draws of the prior and uniform ones, and finds of a search in arrays, on both.
 
     Args:
         draws: how many of each of the first two. finds: how many of the last, at most.
 
     Raises:
-        UsageError: the scenario has no twin.
+        UsageError: the scenario does not play in arrays.
     """
     problem, generator = posed.problem, np.random.default_rng(seed)
-    if problem.twin is None or problem.prior is None:
-        raise UsageError("this scenario has no twin")
+    if problem.plays is None or problem.prior is None:
+        raise UsageError("this scenario does not play in arrays")
     points = {
         "draws of the prior": problem.prior.sample(draws, generator),
         "uniform draws": problem.space.draw(draws, generator),
-        "finds of the twin": _finds(problem, finds, seed),
+        "finds in arrays": _finds(problem, finds, seed),
     }
     found = [
         _compared(posed, problem, name, theta, None) for name, theta in points.items() if len(theta)
@@ -65,12 +65,18 @@ def measured(posed: Posed, draws: int, finds: int, seed: int) -> list[Agreement]
 
 
 def _finds(problem: SearchProblem, most: int, seed: int) -> FloatArray:
-    """Failures that a search on the twin alone finds."""
-    assert problem.twin is not None
+    """Failures that a search in arrays alone finds."""
+    assert problem.plays is not None
     if not most:
         return np.empty((0, len(problem.space.parameters)))
     alone = SearchProblem(
-        problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin
+        problem.space,
+        problem.plays,
+        problem.reward,
+        problem.real,
+        None,
+        problem.prior,
+        problem.plays,
     )
     found = cover(alone, max(2 * most, BATCH), seed)
     return found.theta[found.outcomes.collision & found.outcomes.executed][:most]
@@ -79,13 +85,13 @@ def _finds(problem: SearchProblem, most: int, seed: int) -> FloatArray:
 def _compared(
     posed: Posed, problem: SearchProblem, name: str, theta: FloatArray, system: str | None
 ) -> Agreement:
-    assert problem.twin is not None
+    assert problem.plays is not None
     sut = None if system is None else REFERENCES[system]
-    sumo, twin = posed.sumo(theta, sut), problem.twin(theta, sut)
-    both = sumo.executed & twin.executed
+    sumo, plays = posed.sumo(theta, sut), problem.plays(theta, sut)
+    both = sumo.executed & plays.executed
     return Agreement(
         name,
         system or "system under test",
-        int((sumo.collision == twin.collision)[both].sum()),
+        int((sumo.collision == plays.collision)[both].sum()),
         int(both.sum()),
     )

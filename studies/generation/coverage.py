@@ -1,8 +1,8 @@
 """Coverage of the interval of an estimate: recordings are drawn anew, the density is fitted on them, and a system is estimated.
 
 The density of all recordings is the world: the probability under it is true. Each repetition draws
-recordings with replacement, fits its own density, and estimates by runs on the kinematic twin, as
-the product does for a system without a twin. An interval that holds sampling and density covers the
+recordings with replacement, fits its own density, and estimates by runs in arrays, as
+the product does for a system without plays in arrays. An interval that holds sampling and density covers the
 truth in 95 % of the repetitions.
 """
 
@@ -111,7 +111,7 @@ def _refitted(space: Space, recorded: Recorded, density: str, repetition: int) -
 
 def _sought(problem: SearchProblem, system: Evaluate) -> Known:
     """Runs of a search."""
-    found = cover(replace(problem, evaluate=system, twin=None), _SOUGHT, 0)
+    found = cover(replace(problem, evaluate=system, plays=None), _SOUGHT, 0)
     return Known(found.theta, found.outcomes.collision)
 
 

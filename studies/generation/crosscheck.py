@@ -1,4 +1,4 @@
-"""P(failure | manoeuvre) by another library: subset simulation of OpenTURNS on the twin, with none of our estimate in it.
+"""P(failure | manoeuvre) by another library: subset simulation of OpenTURNS in arrays, with none of our estimate in it.
 
 S.-K. Au, J. L. Beck, Estimation of small failure probabilities in high dimensions by subset
 simulation, Probabilistic Engineering Mechanics 16, 2001.
@@ -42,7 +42,7 @@ def openturns() -> Any:
     return package("openturns", "subset simulation is that")
 
 
-def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
+def subset_simulation(prior: RecordedPrior, plays: Plays, seed: int) -> Found:
     """Estimate the probability of a collision of draws of a prior.
 
     Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance,
@@ -54,7 +54,7 @@ def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
     Raises:
         UsageError: OpenTURNS is not installed, or the prior is another one.
     """
-    ot, level = openturns(), Level(prior, twin)
+    ot, level = openturns(), Level(prior, plays)
     ot.RandomGenerator.SetSeed(seed)
     function = ot.PythonFunction(level.dimensions, 1, func_sample=level)
     output = ot.CompositeRandomVector(function, ot.RandomVector(ot.Normal(level.dimensions)))
@@ -77,11 +77,11 @@ class Level:
     The last column chooses the Gaussian that the others are turned into.
 
     Attributes:
-        dimensions: of the points. played: by the twin so far.
+        dimensions: of the points. played: in arrays so far.
     """
 
-    def __init__(self, prior: RecordedPrior, twin: Plays) -> None:
-        self._prior, self._twin, self._parts = prior, twin, prior.gaussians
+    def __init__(self, prior: RecordedPrior, plays: Plays) -> None:
+        self._prior, self._plays, self._parts = prior, plays, prior.gaussians
         self._factors = np.linalg.cholesky(self._parts.covariances)
         self._until = np.cumsum(np.exp(self._parts.log_weights))
         self.dimensions, self.played = len(prior.searched) + 1, 0
@@ -102,7 +102,7 @@ class Level:
         found = np.full((len(theta), 1), _IMPOSSIBLE)
         possible = self._prior.possible(theta)
         if possible.any():
-            outcomes = self._twin(theta[possible])
+            outcomes = self._plays(theta[possible])
             found[possible, 0] = np.where(
                 outcomes.collision, _FAILS, np.maximum(-outcomes.max_drac, _SAFE)
             )

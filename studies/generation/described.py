@@ -22,7 +22,7 @@ def as_maneuvers(scene: Scene, space: Space, episodes: Episodes, dt: float) -> F
     and how long it lasts; gap and speeds are those of the way at these times, the ego's speed that
     of the beginning.
     """
-    shift = scene.script.lanes[scene.actor.lane] - scene.script.lanes[scene.ego.lane]
+    shift = scene.start - scene.lanes[scene.lane]
     cases = zip(episodes.ways, episodes.starts[:, 2].tolist(), strict=True)
     rows = [_described(way, ego_speed, scene.between, abs(shift), dt) for way, ego_speed in cases]
     roles = roles_of(space.names)

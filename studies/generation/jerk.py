@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from generation.search.outcomes import JUDGES
+from generation.search.plays import ArrayPlays
 from generation.space.density.models import JUDGE
 from generation.space.density.roles import roles_of
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from recognition.labels.maneuvers.parameters import BRAKING, JERK
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
@@ -37,7 +37,7 @@ class Compared:
 
 
 def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
-    """Play draws of what is recorded both ways, on the twin.
+    """Play draws of what is recorded both ways, in arrays.
 
     Args:
         recorded: recordings, or a table of their units; None for those of our own. sut: the system
@@ -66,8 +66,8 @@ def _name(scenario: Path) -> str:
 
 def _prevented(scenario: Path, space: Space, theta: FloatArray, sut: str) -> BoolArray:
     """Which points (n,) are collisions that a judge prevents."""
-    twin = Twin(scenario, space, RunSettings(sut=sut))
-    found = twin(theta).collision
+    plays = ArrayPlays(scenario, space, RunSettings(sut=sut))
+    found = plays(theta).collision
     hit = np.flatnonzero(found)
-    found[hit] = np.any([~twin(theta[hit], judge).collision for judge in JUDGES], axis=0)
+    found[hit] = np.any([~plays(theta[hit], judge).collision for judge in JUDGES], axis=0)
     return found

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from generation.search.plays import ArrayPlays
 from generation.space.recorded import Recorded
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from schemas.common.array_types import BoolArray, FloatArray
 
 SYSTEMS = ("cas", "aeb", "idm", "rss", "fsm", "r157-cc", "r157-reg")
@@ -34,13 +34,13 @@ class Replays:
     def of(
         cls, scenario: Path, space: Space, recorded: Recorded, systems: Sequence[str]
     ) -> Replays | None:
-        """Play all units on the twin with each system; None where something is searched of which nothing is recorded."""
+        """Play all units in arrays with each system; None where something is searched of which nothing is recorded."""
         replays = recorded.replays(space)
         if replays is None:
             return None
         (own, units), inside = replays, recorded.within(space)
-        twin = Twin(scenario, own)
-        collides = {name: twin(units, name).collision for name in systems}
+        plays = ArrayPlays(scenario, own)
+        collides = {name: plays(units, name).collision for name in systems}
         sites = [str(name).rpartition("/")[0] for name in inside.recordings]
         return cls(collides, sites, None if inside.errors is None else inside.errors[:, 1])
 

@@ -11,12 +11,12 @@ import numpy as np
 
 import xosc
 from generation.search.outcomes import Evaluator, Outcomes, survivors
+from generation.search.plays import ArrayPlays
 from generation.search.problem import History, Plays
 from generation.search.settings import Choice
 from generation.space.logical.library import SCENARIOS, pair_scenarios
 from generation.space.logical.pairs import PairScenario
 from generation.space.space import distinctive, diverse
-from generation.twin.episodes import Twin
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported, UsageError
@@ -51,15 +51,15 @@ class Coordinated:
     """Plays points of two adversaries, where only collisions that need both count as collisions.
 
     Args:
-        twin: of both. alone: of each where the other one does nothing.
+        plays: of both. alone: of each where the other one does nothing.
     """
 
-    def __init__(self, twin: Plays, alone: Mapping[str, Plays]) -> None:
-        self._twin, self._alone = twin, alone
+    def __init__(self, plays: Plays, alone: Mapping[str, Plays]) -> None:
+        self._plays, self._alone = plays, alone
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d); with another system than that of the settings, all collisions count."""
-        outcomes = self._twin(theta, sut)
+        outcomes = self._plays(theta, sut)
         if sut is not None:
             return outcomes
         counted = outcomes.collision.copy()
@@ -98,13 +98,15 @@ def coordinated(posed: Posed, alone: Mapping[str, Path], sut: str) -> Posed:
     """The problem in which only failures count that need both.
 
     Raises:
-        Unsupported: the problem has no twin.
+        Unsupported: the problem has no plays in arrays.
     """
     problem = posed.problem
-    if problem.twin is None:
-        raise Unsupported("two adversaries are distinguished on the twin, which can't play this")
-    twins = {name: Twin(path, problem.space, RunSettings(sut=sut)) for name, path in alone.items()}
-    return posed._replace(problem=replace(problem, twin=Coordinated(problem.twin, twins)))
+    if problem.plays is None:
+        raise Unsupported("two adversaries are distinguished in arrays, where this does not play")
+    singly = {
+        name: ArrayPlays(path, problem.space, RunSettings(sut=sut)) for name, path in alone.items()
+    }
+    return posed._replace(problem=replace(problem, plays=Coordinated(problem.plays, singly)))
 
 
 def needed(

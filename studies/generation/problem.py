@@ -1,4 +1,4 @@
-"""Problem of finding failures: a scenario with its prior and its twin, run on SUMO."""
+"""Problem of finding failures: a scenario with its prior and its plays in arrays, run on SUMO."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from generation.search.outcomes import Evaluator, Outcomes
+from generation.search.plays import ArrayPlays
 from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.settings import Ask
 from generation.search.variations import asked_of
 from generation.space.density.models import DEFAULT, JUDGE
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
@@ -26,10 +26,10 @@ class Posed(NamedTuple):
     sumo: Evaluator
 
     def plays(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
-        """Outcomes of points (n, d): on the twin if it plays scenario and system, on SUMO otherwise."""
-        if self.problem.twin is not None:
+        """Outcomes of points (n, d): in arrays if scenario and system play so, on SUMO otherwise."""
+        if self.problem.plays is not None:
             try:
-                return self.problem.twin(theta, sut)
+                return self.problem.plays(theta, sut)
             except Unsupported:
                 pass
         return self.sumo(theta, sut)
@@ -70,11 +70,11 @@ def posed(
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))
     try:
-        twin = Twin(scenario, space, run)
+        plays = ArrayPlays(scenario, space, run)
     except Unsupported:
-        twin = None
+        plays = None
     with Evaluator(scenario, space, run=run, processes=processes) as sumo:
         yield Posed(
-            SearchProblem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin),
+            SearchProblem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), plays),
             sumo,
         )

@@ -1,4 +1,4 @@
-"""References for estimates on the twin: crude Monte Carlo with many draws, and their initial data."""
+"""References for estimates in arrays: crude Monte Carlo with many draws, and their initial data."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _SEED = 1_000_000
 """No seed of an estimate"""
 
 
-def crude(prior: Prior, twin: Plays, draws: int) -> Share:
-    """The share of so many draws of a prior that collide on the twin."""
-    return Share.of(twin(prior.sample(draws, np.random.default_rng(_SEED))))
+def crude(prior: Prior, plays: Plays, draws: int) -> Share:
+    """The share of so many draws of a prior that collide in arrays."""
+    return Share.of(plays(prior.sample(draws, np.random.default_rng(_SEED))))
 
 
 def searched(problem: SearchProblem, budget: int, seed: int) -> Known:
-    """The runs of a search on the twin as if it were SUMO, with nothing to screen what is run."""
-    assert problem.twin is not None
-    found = cover(replace(problem, evaluate=problem.twin, twin=None), budget, seed)
+    """The runs of a search in arrays as if it were SUMO, with nothing to screen what is run."""
+    assert problem.plays is not None
+    found = cover(replace(problem, evaluate=problem.plays, plays=None), budget, seed)
     return Known(found.theta, found.outcomes.collision)

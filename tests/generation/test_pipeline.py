@@ -127,7 +127,7 @@ def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_the_density_of_a_system_without_a_twin_is_measured_by_plays_in_arrays(
+def test_the_density_of_a_system_without_plays_is_measured_by_plays_in_arrays(
     tmp_path: Path,
 ) -> None:
     settings = replace(QUICK, run=replace(RUN, sut="adas"))

@@ -78,7 +78,7 @@ def test_a_scenario_becomes_edge_cases(
     assert "7 unguided draws of the density: " in told and "8 sought runs: " in told
     assert "with 95 % confidence failures that were not found have a probability below 0.35" in told
     numbers = json.loads((tmp_path / "out" / "cut_in_highway_search.json").read_text())
-    assert (numbers["draws"]["runs"], numbers["sought"]["runs"], numbers["plays_on_twin"]) == (
+    assert (numbers["draws"]["runs"], numbers["sought"]["runs"], numbers["plays"]) == (
         7,
         8,
         0,
@@ -206,7 +206,7 @@ def test_the_same_call_gives_the_same_bytes(old: Path, again: tuple[Path, Visits
 
 @pytest.mark.slow
 def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
-    assert {"xosc_generate.py", "pipeline.py", "twin/motion.py", "report/report.py"} < again[
+    assert {"xosc_generate.py", "pipeline.py", "search/plays.py", "report/report.py"} < again[
         1
     ].files
     assert len(again[1].files) <= MOST_VISITED, sorted(again[1].files)

@@ -3,9 +3,9 @@
 A guided run is chosen by what it is expected to reveal: its own predicted failure, times the
 predicted failures among draws of the density around it that are near no known failure. What is
 covered counts no more, so that no finding starves another one, and what traffic does more often
-counts more. Without a twin two models predict, each for half of the guided runs, so that what one
+counts more. Without plays two models predict, each for half of the guided runs, so that what one
 cannot see does not starve the other: a forest, in which near misses have a small share, and a
-Gaussian process, which also expects failures where no run was. With a twin it is its verdict, less
+Gaussian process, which also expects failures where no run was. With plays in arrays it is their verdict, less
 where no careful driver prevents the failure.
 
 G. L. Nemhauser, L. A. Wolsey, M. L. Fisher, An analysis of approximations for maximizing submodular
@@ -54,7 +54,7 @@ class CoverSettings:
 
     Attributes:
         batch: runs of a round, and the share of the budget that they are where that is more.
-        first: runs that explore before the first guided one, without a twin.
+        first: runs that explore before the first guided one, without plays.
         explored: share of the runs that explores.
         radius: distance in the unit cube, root mean square over the parameters that tell cases
             apart, up to which a failure covers others.
@@ -63,8 +63,9 @@ class CoverSettings:
             stand for traffic.
         stepped: further candidates: steps from known failures.
         step: standard deviation of steps, in whitened coordinates.
-        played: draws in the place of `drawn` that stand for traffic, with a twin.
-        unpreventable: weight of a failure that no careful driver prevents, with a twin.
+        played: draws in the place of `drawn` that stand for traffic, with plays: so many for each run of the
+            budget, and no more than the second number.
+        unpreventable: weight of a failure that no careful driver prevents, with plays.
     """
 
     batch: tuple[int, float] = 40, 0.02
@@ -75,7 +76,7 @@ class CoverSettings:
     drawn: int = 1200
     stepped: int = 400
     step: float = 0.4
-    played: int = 16_384
+    played: tuple[int, int] = 33, 16_384
     unpreventable: float = 0.2
 
 
@@ -139,17 +140,19 @@ class _Search:
         self._theta = np.empty((0, len(problem.space.parameters)))
         self._failures = self._theta if problem.found is None else problem.found
         self._forest, self._process = Forest(), GaussianProcess(_HELD)
-        self._twin = problem.twin
+        self._plays = problem.plays
+        share, most = settings.played
+        played = max(settings.drawn, min(share * budget, most))
         self._traffic = prior.sample(
-            settings.drawn if self._twin is None else settings.played, self._generator
+            settings.drawn if self._plays is None else played, self._generator
         )
         self._chance: FloatArray | None = None
         self._emitters: list[Predict] = [
             lambda theta: self._forest.failing(self._unit(theta)),
             lambda theta: self._process.failing(self._frame.coordinates(theta)),
         ]
-        if self._twin is not None:
-            verdicts = partial(self._verdicts, self._twin)
+        if self._plays is not None:
+            verdicts = partial(self._verdicts, self._plays)
             chance = verdicts(self._traffic)
             self._traffic, self._chance, self._emitters = (
                 self._traffic[chance > 0.0],
@@ -159,7 +162,7 @@ class _Search:
 
     def run(self) -> History:
         """Search."""
-        if self._twin is None:
+        if self._plays is None:
             self._spend(self._prior.sample(self._settings.first, self._generator))
         while self._calls.left:
             runs = min(self._batch, self._calls.left)
@@ -175,7 +178,7 @@ class _Search:
         self._failures = np.concatenate(
             [self._failures, found.theta[found.outcomes.collision & found.outcomes.executed]]
         )
-        if self._twin is None:
+        if self._plays is None:
             self._forest.learn(self._unit(found.theta), found.outcomes)
             self._process.learn(self._frame.coordinates(found.theta), found.outcomes)
 
@@ -200,7 +203,7 @@ class _Search:
         return theta[self._most(self._unit(theta), worth, traffic, left, n)]
 
     def _candidates(self) -> FloatArray:
-        """Draws of the density, and steps from failures that are known or that the twin has (m, d)."""
+        """Draws of the density, and steps from failures that are known or that plays have (m, d)."""
         drawn = self._prior.sample(self._settings.drawn, self._generator)
         parents = (
             self._failures
@@ -239,12 +242,12 @@ class _Search:
             left = left * (1.0 - near[best] * min(worth[best], _SURE))
         return np.array(chosen, np.int64)
 
-    def _verdicts(self, twin: Plays, theta: FloatArray) -> FloatArray:
-        """Failures (n,) on the twin at points (n, d): 1 where a careful driver prevents them, less where none does."""
-        outcomes = twin(theta)
+    def _verdicts(self, plays: Plays, theta: FloatArray) -> FloatArray:
+        """Failures (n,) of plays at points (n, d): 1 where a careful driver prevents them, less where none does."""
+        outcomes = plays(theta)
         failing = outcomes.collision & outcomes.executed
         worth = np.where(failing, self._settings.unpreventable, 0.0)
-        worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], twin)
+        worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], plays)
         return worth
 
     def _unlike(self, theta: FloatArray, others: FloatArray) -> FloatArray:

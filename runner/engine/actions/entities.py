@@ -148,26 +148,31 @@ class _Teleport(BatchProcess):
         self._position, self._actor, self._run = position, actor, run
 
     def start(self, rows: BoolArray) -> BoolArray:
-        """Jump: once where the position is the same in all runs, else run by run."""
+        """Jump: once where the position is the same in all runs or differs by s alone, else run by run."""
         run, actor, position = self._run, self._actor, self._position
         rows = rows & run.going
-        if position.fixed is not None and rows.any():
-            first = int(np.flatnonzero(rows)[0])
-            run.one_by_one(
-                actor,
-                np.arange(run.n) == first,
-                (),
-                lambda each, _: run.single.place(each, position.resolve(run.single, each)),
-            )
-            actor.copy(first, rows)
-            return np.zeros_like(rows)
 
         def put(entity: Entity, row: int) -> None:
             there = position.at_set(int(run.sets[row]))
             run.doubtful[row] |= there.repaired
             run.single.place(entity, there.resolve(run.single, entity))
 
-        run.one_by_one(actor, rows, position.references(), put)
+        free = rows & actor.unled
+        if not free.any():
+            run.one_by_one(actor, rows, position.references(), put)
+            return np.zeros_like(rows)
+        first = int(np.argmax(free))
+        run.one_by_one(actor, np.arange(run.n) == first, position.references(), put)
+        there = np.zeros_like(rows)
+        if position.fixed is not None and run.going[first]:
+            there = free
+            actor.copy(first, there)
+        elif (s := position.stations(run, first, {})) is not None and run.going[first]:
+            there = actor.spread(first, free, s)
+        run.doubtful |= there & run.doubtful[first]
+        run.relocated(actor, there)
+        there[first] = True
+        run.one_by_one(actor, rows & ~there, position.references(), put)
         return np.zeros_like(rows)
 
 

@@ -449,6 +449,23 @@ class _Sideways(BatchProcess):
             np.zeros(n) for _ in range(6)
         )
 
+    def _aim(self, action: LaneChangeAction | LaneOffsetAction, rows: BoolArray) -> None:
+        """Find the lane aimed at: once for all runs in which everyone is in the same lanes."""
+        actor, run = self._actor, self._run
+        left, references = rows & run.going, [*action.references()]
+        while left.any():
+            first = int(np.argmax(left))
+            alike = actor.alike(first, left)
+            for other in references:
+                alike &= run.entities[other.name].alike(first, left)
+            lanes = actor.section_key[first]
+            one = np.arange(run.n) == first
+            run.one_by_one(actor, one, references, lambda each, _: action.aim(each, run.single))
+            if alike[first] and run.going[first] and lanes == actor.section_key[first]:
+                actor.change_lane(first, alike & ~one)
+                left &= ~alike
+            left &= ~one
+
     def _begin(self, rows: BoolArray, goal: FloatArray, extent: FloatArray) -> BoolArray:
         actor, run = self._actor, self._run
         self._goal[rows], self._extent[rows] = goal[rows], extent[rows]
@@ -504,9 +521,7 @@ class _Crossing(_Sideways):
     def start(self, rows: BoolArray) -> BoolArray:
         """Express the entity's place in the target lane, and begin to move there."""
         action, actor, run = self._action, self._actor, self._run
-        run.one_by_one(
-            actor, rows, action.references(), lambda each, _: action.aim(each, run.single)
-        )
+        self._aim(action, rows)
         offset = run.value(action.offset)
         change = (offset - actor.kept_offset) * actor.direction
         extent = action.dynamics.extent_batch(change, run.value(action.dynamics.value))
@@ -525,7 +540,7 @@ class _Shifting(_Sideways):
     def start(self, rows: BoolArray) -> BoolArray:
         """Begin to move sideways."""
         action, actor, run = self._action, self._actor, self._run
-        run.one_by_one(actor, rows, (), lambda each, _: action.aim(each, run.single))
+        self._aim(action, rows)
         value = run.value(action.value)
         goal = (-value if action.to_right else value * actor.direction) * np.ones(run.n)
         return self._begin(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess, RunByRun
+from runner.engine.compile.batch import BatchProcess, BatchSteps, RunByRun
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Rest, Running
@@ -421,6 +421,10 @@ class SpeedProfileAction(PrivateAction):
         asked = sum(times) if len(times) == len(self.entries) else math.inf
         return _Profile(actor, self.reference, pieces, self.entries[-1].speed, asked)
 
+    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps:
+        """The profiles of many runs, each planned by itself."""
+        return _Profiles(actor, run, self.reference)
+
 
 def _read_entry(node: Node) -> ProfileEntry:
     time = node.finite("time", None)
@@ -453,6 +457,11 @@ class _Profile(Running):
         """The reference."""
         return self._reference
 
+    @property
+    def pieces(self) -> Sequence[ProfilePiece]:
+        """Parts of constant jerk, the last of which has no end."""
+        return self._pieces
+
     def step(self, dt: float) -> bool:
         """Ask for the profile's speed at the end of the step."""
         self._elapsed += dt
@@ -478,3 +487,41 @@ class _Profile(Running):
             f"{speed.reached} in {self._times[-1]:.2f} s",
         )
         return Rest(goal, reached, late, _LATE)
+
+
+class _Profiles(BatchSteps):
+    """`_Profile` of an actor in many runs."""
+
+    def __init__(self, actor: EntityRows, run: BatchRun, reference: Entity | None) -> None:
+        self._actor, self._run, self._reference = actor, run, reference
+        self._elapsed = np.zeros(run.n)
+        self._pieces = np.zeros((run.n, 0, 4))
+        """time, speed, acceleration and jerk of each piece; those of infinite time are none"""
+        run.own(self)
+
+    def begin(self, row: int, running: _Profile) -> None:
+        """Take in the plan of a run."""
+        pieces = running.pieces
+        if (lacking := len(pieces) - self._pieces.shape[1]) > 0:
+            more = np.zeros((len(self._elapsed), lacking, 4))
+            more[:, :, 0] = np.inf
+            self._pieces = np.concatenate([self._pieces, more], axis=1)
+        self._pieces[row, :, 0] = np.inf
+        self._pieces[row, : len(pieces)] = pieces
+        self._elapsed[row] = 0.0
+
+    def step(self, rows: BoolArray, dt: float) -> BoolArray:
+        """Ask for the profiles' speeds at the end of the step."""
+        self._elapsed[rows] += dt
+        elapsed, pieces = self._elapsed, self._pieces
+        begun = pieces[:, :, 0] <= (elapsed + _EPSILON)[:, None]
+        count = begun.sum(axis=1)
+        time, speed, acceleration, jerk = pieces[
+            np.arange(len(elapsed)), np.maximum(count - 1, 0)
+        ].T
+        past = np.where(rows, elapsed - time, 0.0)
+        base = 0.0 if self._reference is None else self._run.entities[self._reference.name].speed
+        wanted = base + speed + (acceleration + 0.5 * jerk * past) * past
+        actor = self._actor
+        actor.target_speed = np.where(rows, wanted, actor.target_speed)
+        return rows & (count == np.isfinite(pieces[:, :, 0]).sum(axis=1))

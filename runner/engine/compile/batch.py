@@ -121,6 +121,10 @@ class BatchRun(Protocol):
         """Runs in which two entities touch now (n,)."""
         ...
 
+    def relocated(self, actor: EntityRows, rows: BoolArray) -> None:
+        """Show an entity where an action has put it at this time, in some runs (n,), not only after the coming step."""
+        ...
+
     def one_by_one(
         self,
         actor: EntityRows,
@@ -166,8 +170,21 @@ class BatchProcess(RunRows):
         """Give back what is held, in some runs."""
 
 
+class BatchSteps(RunRows):
+    """Steps in arrays of what begins run by run and holds nothing."""
+
+    def begin(self, row: int, running: Any) -> None:
+        """Take in what begins in a run."""
+
+    def step(self, rows: BoolArray, dt: float) -> BoolArray:
+        """Act on the interval from now to now + dt (s) in some runs (n,); those in which the goal is reached."""
+        raise NotImplementedError
+
+
 class RunByRun(BatchProcess):
     """An action that is executed run by run as in a single run, while all else of the runs is done in arrays.
+
+    Its steps are arrays as well where the action has them (`PrivateAction.steps_in_arrays`).
 
     Args:
         action: a `PrivateAction` of the compiled scenario, with `run_by_run`.
@@ -179,6 +196,7 @@ class RunByRun(BatchProcess):
         super().__init__(run)
         self._action, self._actor, self._run = action, actor, run
         self._claims = action.claims()
+        self._steps: BatchSteps | None = action.steps_in_arrays(actor, run)
         self._running = np.full(run.n, None, object)
 
     def start(self, rows: BoolArray) -> BoolArray:
@@ -190,7 +208,9 @@ class RunByRun(BatchProcess):
             run.doubtful[row] |= self._action.repaired
             if own.claims() != self._claims:
                 raise NotInArrays("the control domains of an action vary between the runs")
-            self._running[row] = own.start(actor, run.single)
+            self._running[row] = running = own.start(actor, run.single)
+            if self._steps is not None:
+                self._steps.begin(row, running)
 
         self._running[rows] = None
         run.one_by_one(self._actor, rows, self._action.references(), begin)
@@ -199,6 +219,8 @@ class RunByRun(BatchProcess):
 
     def step(self, dt: float) -> BoolArray:
         """Act in each run in which it is in execution."""
+        if self._steps is not None:
+            return self._steps.step(self.active & self._run.going, dt)
         done = np.zeros_like(self.active)
 
         def act(actor: Entity, row: int) -> None:
@@ -209,6 +231,8 @@ class RunByRun(BatchProcess):
 
     def stop(self, rows: BoolArray) -> None:
         """Give back what is held, in each run."""
+        if self._steps is not None:  # it holds nothing
+            return
         self._run.one_by_one(
             self._actor,
             rows,

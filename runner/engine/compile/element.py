@@ -22,14 +22,14 @@ from schemas.expressions.columns import NotInArrays, current
 from schemas.expressions.values import MARK
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
-    from runner.engine.compile.batch import BatchProcess, BatchRun
+    from runner.engine.compile.batch import BatchProcess, BatchRun, BatchSteps
     from runner.engine.compile.run import Instant, Run, Running, Surroundings
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
-    from schemas.common.array_types import BoolArray
+    from schemas.common.array_types import BoolArray, FloatArray
     from xosc.document.node import Node
 
 
@@ -68,6 +68,19 @@ class Position(ABC):
     def at_set(self, number: int) -> Position:
         """The position in one of the parameter sets for which the scenario was read."""
         return self
+
+    def stations(
+        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+    ) -> FloatArray | None:
+        """s (m) of the place in many runs (n,), where it differs from that in one of them by s alone; NaN where not.
+
+        None for positions that say nothing of it.
+
+        Args:
+            first: row of that run.
+            varying: attributes of the element that vary, by name (n,).
+        """
+        return None
 
     def references(self) -> tuple[Entity, ...]:
         """Entities whose place must be known before this position can be resolved."""
@@ -115,6 +128,12 @@ class _Rebuilt:
         self._number, self.repaired = -1, False
         self.known = self.at(0)
 
+    def attributes(self, node: Node) -> dict[str, FloatArray] | None:
+        """Values of the attributes that vary, in each set, by name; None where they are not all of a node."""
+        if any(element is not node.element for element, _, _ in self._varying):
+            return None
+        return {str(name): values for _, name, values in self._varying}
+
     def at(self, number: int) -> Any:
         """Return the object of a set."""
         if number != self._number:
@@ -142,6 +161,16 @@ class VaryingPosition(Position):
         found: Position = self._rebuilt.at(number)
         found.repaired = self._rebuilt.repaired
         return found
+
+    def stations(
+        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+    ) -> FloatArray | None:
+        """As the position says whose attributes vary; nothing where those of inner elements do."""
+        found = self._rebuilt.attributes(self.node)
+        if found is None:
+            return None
+        sets = {name: values[run.sets] for name, values in found.items()}
+        return self._known.stations(run, first, sets)
 
     def references(self) -> tuple[Entity, ...]:
         """Return those of the first set."""
@@ -416,6 +445,10 @@ class PrivateAction(ABC):
             return RunByRun(self, actor, run)
         raise _single(self)
 
+    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+        """Make its steps in many runs, in each of which it begins by itself; None where they are done run by run too."""
+        return None
+
     def at_set(self, number: int) -> PrivateAction:
         """The action in one of the parameter sets for which the scenario was read."""
         from runner.engine.compile.batch import picked
@@ -452,6 +485,10 @@ class VaryingAction(PrivateAction):
     def activates_controller(self) -> bool:
         """As in the first set."""
         return self._first.activates_controller
+
+    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+        """Return those of the first set."""
+        return self._first.steps_in_arrays(actor, run)
 
     def claims(self) -> tuple[str, ...]:
         """Return those of the first set."""

@@ -141,17 +141,11 @@ class LaneMotion:
             distance, turn = _sidestep_batch(rows, distance, steered)
             offset = np.where(steered, rows.target_offset, offset)
         ahead = rows.direction * distance
-        bent = bool(rows.curvature.any())
-        if bent:
+        if rows.curvature.any():
             ahead = ahead / np.maximum(1.0 - rows.curvature * rows.t, _SHARPEST)
         s, aside = rows.s + ahead, rows.center + offset
         glides = going & rows.gliding & (rows.low <= s) & (s < rows.high)
-        along = s - rows.start_s
-        x = rows.start_x + along * rows.start_cos - aside * rows.start_sin
-        y = rows.start_y + along * rows.start_sin + aside * rows.start_cos
-        h = rows.start_h
-        if bent:
-            x, y, h = _on_arc(rows, along, aside, (x, y, h))
+        x, y, h = rows.on_stretch(s, aside)
         h = h + rows.heading_offset + turn
         h = np.where(rows.direction < 0, h + math.pi, h)
         rows.s, rows.t = np.where(glides, s, rows.s), np.where(glides, aside, rows.t)
@@ -340,25 +334,6 @@ def _sidestep_batch(
         np.where(compensated, rest, distance),
         np.where(compensated, across, np.where(steered, beside, 0.0)),
     )
-
-
-def _on_arc(
-    rows: EntityRows,
-    along: FloatArray,
-    aside: FloatArray,
-    straight: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Place and heading on arcs, `straight` where the rows are on lines."""
-    half = 0.5 * rows.curvature * along
-    chord = np.divide(along * np.sin(half), half, out=along.copy(), where=half != 0.0)
-    middle = rows.start_h + half
-    h = middle + half
-    x = rows.start_x + chord * np.cos(middle) - aside * np.sin(h)
-    y = rows.start_y + chord * np.sin(middle) + aside * np.cos(h)
-    bent = rows.curvature != 0.0
-    found = (np.where(bent, arc, line) for arc, line in zip((x, y, h), straight, strict=True))
-    x, y, h = found
-    return x, y, h
 
 
 def _drift(entity: Entity) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,11 @@ _FLOATS = (
 _FLAGS = ("placed", "at_road_end", "on_lane")
 _WHOLE = ("kept_lane", "direction")
 _COPIED = (*_FLOATS, *_FLAGS, *_WHOLE)
+_MOVING = (
+    "speed", "acceleration", "vx", "vy", "ax", "ay", "turn", "odometer", "standstill",
+    "target_speed", "path_compensated", "activated", "route", "easing",
+)  # fmt: skip
+"""What an entity keeps that is put somewhere"""
 
 
 class RunRows:
@@ -185,11 +191,76 @@ class EntityRows(RunRows):
         self._survey(row, entity)
 
     def copy(self, row: int, rows: BoolArray) -> None:
-        """Make some runs what one of them is, but for what is asked of the entity."""
-        kept = ("target_speed", "speed", "acceleration", "odometer", "activated")
+        """Make the place in some runs that in one of them."""
         for name, values in vars(self).items():
-            if isinstance(values, np.ndarray) and name not in kept:
+            if isinstance(values, np.ndarray) and name not in _MOVING:
                 values[rows] = values[row]
+
+    def on_stretch(self, s: FloatArray, aside: FloatArray) -> tuple[FloatArray, ...]:
+        """x, y (m) and the heading of the road (rad) at s and t on the line or arc of each run (n,)."""
+        along = s - self.start_s
+        x = self.start_x + along * self.start_cos - aside * self.start_sin
+        y = self.start_y + along * self.start_sin + aside * self.start_cos
+        if not self.curvature.any():
+            return x, y, self.start_h
+        half = 0.5 * self.curvature * along
+        chord = np.divide(along * np.sin(half), half, out=along.copy(), where=half != 0.0)
+        middle = self.start_h + half
+        h = middle + half
+        arc = (
+            self.start_x + chord * np.cos(middle) - aside * np.sin(h),
+            self.start_y + chord * np.sin(middle) + aside * np.cos(h),
+            h,
+        )
+        bent = self.curvature != 0.0
+        line = x, y, self.start_h
+        return tuple(np.where(bent, *each) for each in zip(arc, line, strict=True))
+
+    def spread(self, row: int, rows: BoolArray, s: FloatArray) -> BoolArray:
+        """Put the entity in some runs where one of them has it, but at other s on its line or arc.
+
+        Args:
+            row: the run that has it.
+            rows: the runs (n,).
+            s: of each run (n,), m; NaN where the place differs in more than that.
+
+        Returns:
+            The runs in which it is there now; the stretch has no such s in the others.
+        """
+        held: BoolArray = rows & (self.low[row] <= s) & (s < self.high[row])
+        if not self.gliding[row] or self.motion[row] is not None or s[row] != self.s[row]:
+            return np.zeros_like(rows)
+        self.copy(row, held)
+        self.s[held] = s[held]
+        x, y, h = self.on_stretch(self.s, self.t)
+        self.x[held], self.y[held] = x[held], y[held]
+        if self.curvature[row]:
+            turned = self.h[row] + h[held] - h[row]
+            self.h[held] = turned - math.tau * np.round(turned / math.tau)
+        return held
+
+    def alike(self, row: int, rows: BoolArray) -> BoolArray:
+        """Runs in which the entity glides in the same lane and direction as in one of them, within the lane."""
+        found: BoolArray = rows & self.gliding & (self.section_key == self.section_key[row])
+        found &= (self.kept_lane == self.kept_lane[row]) & (self.direction == self.direction[row])
+        found &= (self.layer == self.layer[row]) & (np.abs(self.kept_offset) <= 0.5 * self.width)
+        return found & self.unled & ~np.isnan(self.edge_left)
+
+    @property
+    def unled(self) -> BoolArray:
+        """Runs in which no route and no way back into a lane leads it (n,)."""
+        nothing = np.array(None, object)
+        led = np.not_equal(self.route, nothing) | np.not_equal(self.easing, nothing)
+        return ~led.astype(bool)
+
+    def change_lane(self, row: int, rows: BoolArray) -> None:
+        """Express the place in some runs, that were `alike`, in the lane that one of them keeps to now."""
+        if (self.kept_lane[rows] == self.kept_lane[row]).all():
+            return
+        for name in ("kept_lane", "center", "width"):
+            values = getattr(self, name)
+            values[rows] = values[row]
+        self.kept_offset[rows] = self.t[rows] - self.center[row]
 
     def _survey(self, row: Any, entity: Entity) -> None:
         """Find the stretch of its lane along which the entity moves by one formula."""

@@ -10,6 +10,8 @@ import math
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.engine.compile import registry
 from runner.engine.compile.element import FixedPosition, Position
 from runner.engine.motion.placement import Placement, lane_heading
@@ -19,9 +21,13 @@ from xosc.document.node import TO_RIGHT
 from xosc.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
+    from schemas.common.array_types import FloatArray
     from xodr.graph.network import RoadNetwork
     from xodr.graph.travel import Choose
     from xodr.model.road import Road
@@ -131,6 +137,12 @@ class LanePosition(FixedPosition):
             )
             context.remarks.note(node.remark(LANE_UID, text))
         return found
+
+    def stations(
+        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+    ) -> FloatArray | None:
+        """The attribute s, where nothing else varies."""
+        return varying["s"] if varying.keys() == {"s"} else None
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """The place, on the layer that the actor prefers where none is named."""
@@ -279,6 +291,21 @@ class RelativeLanePosition(_RelativeRoadPosition):
             lane_heading(road, point) + (0.0 if forwards else math.pi),
             self.orientation,
         )
+
+    def stations(
+        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+    ) -> FloatArray | None:
+        """From an entity's s by ds or dsLane, on the straight stretch of its lane."""
+        name = "dsLane" if self.ds is None else "ds"
+        entity = run.entities[self.entity.name]
+        if not varying.keys() <= {name} or not entity.straight[first]:
+            return None
+        way = varying.get(name, self.ds_lane if self.ds is None else self.ds)
+        s = entity.s + way * (entity.direction if self.ds is None else 1)
+        within = entity.alike(first, entity.placed) & (entity.low <= s) & (s < entity.high)
+        within &= entity.kept_offset == entity.kept_offset[first]
+        within &= entity.heading_offset == entity.heading_offset[first]
+        return np.where(within, s, np.nan)
 
     def _lane(self, run: Surroundings | None, reached: RoadPoint, steps: int) -> tuple[int, float]:
         """The lane so many steps towards +t, and how far (m) towards +t of it the place is that is meant.

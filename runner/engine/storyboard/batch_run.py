@@ -320,6 +320,10 @@ class BatchSimulation(RunRows):
                 self._put.setdefault(name, np.zeros(self.n, bool))[row] = True
             self.single.put.clear()
 
+    def relocated(self, actor: EntityRows, rows: BoolArray) -> None:
+        """Show an entity where an action has put it at this time, in some runs (n,), not only after the coming step."""
+        self._put[actor.name] = self._put.get(actor.name, np.zeros(self.n, bool)) | rows
+
     def element(self, element: StoryboardElement) -> BatchElement:
         """A storyboard element in the runs."""
         return self.elements[element]  # type: ignore[index]
@@ -433,22 +437,7 @@ class BatchSimulation(RunRows):
             self._put = {}
 
     def _move(self, e: EntityRows, speed: FloatArray) -> None:
-        dt, going = self.dt, self.going
-        x, y, h, waiting = e.x, e.y, e.h.copy(), e.at_road_end.copy()
-        speed = self.roads.advance_batch(e, speed, dt, going)
-        if e.at_road_end.any():
-            ended = e.at_road_end & ~(waiting & (speed != 0.0))
-            e.road_end = np.where(
-                e.at_road_end, np.where(waiting & (speed == 0.0), e.road_end + dt, 0.0), e.road_end
-            )
-            e.at_road_end = ended
-        vx, vy = (e.x - x) / dt, (e.y - y) / dt
-        e.ax, e.ay = (vx - e.vx) / dt, (vy - e.vy) / dt
-        e.vx, e.vy, e.turn = vx, vy, e.h - h
-        e.acceleration = (speed - e.speed) / dt
-        e.speed = speed
-        e.odometer = e.odometer + np.abs(speed) * dt
-        e.standstill = np.where(np.abs(speed) < _STANDSTILL, e.standstill + dt, 0.0)
+        move(self.roads, e, speed, self.dt, self.going)
 
     def _contacts(self) -> None:
         """Find who touches now, or has touched within the step (`Contacts`)."""
@@ -542,3 +531,22 @@ class BatchSimulation(RunRows):
                 held[pair] = values[kept]
         self._values.clear()
         self.n = len(self.sets)
+
+
+def move(roads: Roads, e: EntityRows, speed: FloatArray, dt: float, going: BoolArray) -> None:
+    """Move an entity in the runs (n,) that are `going` at speeds (n,) for a step, dt (s)."""
+    x, y, h, waiting = e.x, e.y, e.h.copy(), e.at_road_end.copy()
+    speed = roads.advance_batch(e, speed, dt, going)
+    if e.at_road_end.any():
+        ended = e.at_road_end & ~(waiting & (speed != 0.0))
+        e.road_end = np.where(
+            e.at_road_end, np.where(waiting & (speed == 0.0), e.road_end + dt, 0.0), e.road_end
+        )
+        e.at_road_end = ended
+    vx, vy = (e.x - x) / dt, (e.y - y) / dt
+    e.ax, e.ay = (vx - e.vx) / dt, (vy - e.vy) / dt
+    e.vx, e.vy, e.turn = vx, vy, e.h - h
+    e.acceleration = (speed - e.speed) / dt
+    e.speed = speed
+    e.odometer = e.odometer + np.abs(speed) * dt
+    e.standstill = np.where(np.abs(speed) < _STANDSTILL, e.standstill + dt, 0.0)

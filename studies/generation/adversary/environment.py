@@ -104,12 +104,14 @@ class Environment:
         Args:
             policy: gives actions (n, 2), −1 to 1, for what is observed (n, `OBSERVED`).
         """
-        driver = _Adversary(
-            self._scene,
-            self._driving,
-            Course(self._scene, self._sut, starts, self._dt),
-            self._steps,
-        )
+        with Course(self._scene, self._sut, starts, self._dt) as course:
+            return self._played(
+                starts, policy, _Adversary(self._scene, self._driving, course, self._steps)
+            )
+
+    def _played(
+        self, starts: FloatArray, policy: Any, driver: _Adversary
+    ) -> tuple[Episodes, Transitions]:
         seen, done, near, density, contacts = (
             [driver.observed()],
             [],
@@ -181,14 +183,14 @@ class _Adversary:
         self._velocity = np.stack([course.actor.speed, np.zeros(n)], axis=1)
         self._acceleration, self._sums, self._count = np.zeros((n, 2)), np.zeros(n), 0
         self.density = np.zeros(n)
-        self.ways = [np.stack([course.actor.x, course.actor.y], axis=1)]
+        self.ways = [np.stack([course.actor.s, course.actor.t], axis=1)]
         self._turn = np.array([1.0, scene.side])
 
     @property
     def state(self) -> FloatArray:
         """The columns of `studies.generation.adversary.actions.STATE` (n, 7)."""
         ego, actor, side = self.course.ego, self.course.actor, self._scene.side
-        aside, drift = side * (actor.y - ego.y), side * self._velocity[:, 1]
+        aside, drift = side * (actor.t - ego.t), side * self._velocity[:, 1]
         own = self._acceleration * self._turn
         speed = self._velocity[:, 0]
         return np.stack(

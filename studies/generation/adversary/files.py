@@ -93,7 +93,7 @@ class Writer:
         begins = maneuvers.simulation_time(0.0, "greaterOrEqual")
         init: dict[str, list[Any]] = {
             ego: [
-                maneuvers.teleport(maneuvers.lane_position(road.id, scene.ego.lane, START)),
+                maneuvers.teleport(maneuvers.lane_position(road.id, scene.lane, START)),
                 maneuvers.speed(ego_speed),
             ],
             actor: [

@@ -61,7 +61,7 @@ class Written:
     """Result of the search.
 
     Attributes:
-        files: scenarios, each of which fails as in the search. found: failures on the twin, those
+        files: scenarios, each of which fails as in the search. found: failures in arrays, those
             that were not run as well.
         tried: how many of these were run. rounds: how the search went.
         survived: how many of the files each of the judges survives. world: where they were run.
@@ -81,10 +81,10 @@ def generate(
     settings: Settings,
     progress: Callable[[int], None] = lambda episodes: None,
 ) -> Written:
-    """Have an adversary learn on the twin, write what it finds, and run every file: those that fail to the step stay.
+    """Have an adversary learn in arrays, write what it finds, and run every file: those that fail to the step stay.
 
     Raises:
-        Unsupported: the scenario or the system is nothing that the twin can play.
+        Unsupported: the scenario or the system is nothing that plays in arrays.
         UsageError: too little is recorded, or something is in the way in the folder.
         InvalidFile: a file is malformed.
     """

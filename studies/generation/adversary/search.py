@@ -1,4 +1,4 @@
-"""Search of an adversary: a policy learns by TD3 to make a system under test fail, on the twin.
+"""Search of an adversary: a policy learns by TD3 to make a system under test fail, in arrays.
 
 Its actions are those of recorded drivers (`studies.generation.adversary.driving`). A failure is a
 collision that a careful driver prevents on the same trajectory. All failures are kept while the
@@ -65,7 +65,7 @@ class Round(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Results of a search on the twin.
+    """Results of a search in arrays.
 
     Attributes:
         failures: foreseeable and preventable, none much like another, in the order in which they

@@ -35,7 +35,7 @@ _SLOWEST = 1.0
 
 def probability(course: Course) -> FloatArray:
     """Probability of a collision within seconds by the risk field (n,)."""
-    return risk_field(course.ego.motion(), course.actor.motion()).probability
+    return risk_field(*course.motions()).probability
 
 
 def nearness(course: Course) -> FloatArray:

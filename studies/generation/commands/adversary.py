@@ -69,7 +69,7 @@ def command(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Train an adversary on the twin, and write each failure that the simulator confirms to the step as a scenario.
+    """Train an adversary in arrays, and write each failure that the simulator confirms to the step as a scenario.
 
     Exit codes: 0 failures are written, 1 there is none.
     """
@@ -104,7 +104,7 @@ def _report(scenario: Path, written: Written, sut: str) -> Iterator[str]:
     )
     failures = sum(each.failures for each in rounds)
     yield f"{scenario.name}: adversary against {sut}"
-    yield f"  {episodes} episodes on the twin, {foreseeable} of them as likely as recorded driving; {failures} failures"
+    yield f"  {episodes} episodes in arrays, {foreseeable} of them as likely as recorded driving; {failures} failures"
     survived = ", ".join(f"{name} {count}" for name, count in written.survived.items())
     confirmed = f"{written.world} confirms {len(written.files)} of {written.tried} to the step"
     yield f"  {written.found} of the failures are distinct; {confirmed}"

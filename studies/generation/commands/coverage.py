@@ -18,7 +18,7 @@ _PLANTED = "planted"
 
 def command(
     scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that plays in arrays.")
     ],
     out: Annotated[
         Path,
@@ -46,7 +46,7 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Draw recordings anew, fit the density on them, and estimate systems on the twin: how often does the interval cover?"""
+    """Draw recordings anew, fit the density on them, and estimate systems in arrays: how often does the interval cover?"""
     from dataclasses import replace
 
     from generation.search.outcomes import Evaluate
@@ -59,18 +59,18 @@ def command(
 
     names = systems or [*_SYSTEMS, _PLANTED]
     with interruptible(NAME, "the same command continues"), posed(scenario, "none", 1) as posing:
-        space, twin = posing.problem.space, posing.problem.twin
-        if twin is None:
-            raise UsageError("this scenario has no twin", path=scenario)
+        space, plays = posing.problem.space, posing.problem.plays
+        if plays is None:
+            raise UsageError("this scenario does not play in arrays", path=scenario)
         recorded = of_samples(of_recordings(None, kind_of(scenario)), space)
         prior = recorded.prior(space, density)
         problem = replace(posing.problem, prior=prior)
         evaluated: dict[str, Evaluate] = {
-            name: partial(twin, sut=name) for name in names if name != _PLANTED
+            name: partial(plays, sut=name) for name in names if name != _PLANTED
         }
         if _PLANTED in names:
-            drawn = Pool.of(prior, twin, pool, out / f"{scenario.stem}_{density}_pool_{pool}.npz")
-            evaluated[_PLANTED] = plant(Plan("box", 1, 4e-3, False), space, prior, twin, drawn, 0)
+            drawn = Pool.of(prior, plays, pool, out / f"{scenario.stem}_{density}_pool_{pool}.npz")
+            evaluated[_PLANTED] = plant(Plan("box", 1, 4e-3, False), space, prior, plays, drawn, 0)
         found = []
         for each in coverage(
             problem,

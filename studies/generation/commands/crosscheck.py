@@ -1,4 +1,4 @@
-"""`python -m studies.generation crosscheck`: P(failure | manoeuvre) by OpenTURNS, crude Monte Carlo and ours, on the twin."""
+"""`python -m studies.generation crosscheck`: P(failure | manoeuvre) by OpenTURNS, crude Monte Carlo and ours, in arrays."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAME = "python -m studies.generation crosscheck"
 
 def command(
     scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that plays in arrays.")
     ],
     repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates of each kind.")] = 5,
     truth: Annotated[
@@ -31,7 +31,7 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all on the twin; needs openturns."""
+    """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all in arrays; needs openturns."""
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from generation.space.density.prior import RecordedPrior
     from studies.generation.crosscheck import openturns, subset_simulation
@@ -40,27 +40,27 @@ def command(
 
     openturns()  # before anything is played
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
-        prior, twin = posing.problem.prior, posing.problem.twin
-        if twin is None or not isinstance(prior, RecordedPrior):
+        prior, plays = posing.problem.prior, posing.problem.plays
+        if plays is None or not isinstance(prior, RecordedPrior):
             raise Unsupported(
-                "this scenario has no twin, or a prior that is not of recordings alone",
+                "this scenario does not play in arrays, or a prior that is not of recordings alone",
                 path=scenario,
             )
         for seed in range(repeats):
             print(
-                f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, twin, seed)}",
+                f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, plays, seed)}",
                 flush=True,
             )
         for seed in range(repeats):
             found = estimate(
                 prior,
-                twin,
-                twin,
+                plays,
+                plays,
                 Known.nothing(prior),
-                twin,
+                plays,
                 EstimateSettings(seed=seed, controlled=False),
             )
             print(
                 f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True
             )
-        print(f"crude Monte Carlo: {crude(prior, twin, truth)}", flush=True)
+        print(f"crude Monte Carlo: {crude(prior, plays, truth)}", flush=True)

@@ -45,8 +45,8 @@ def command(
             help="Runs of replays, and of each density's draws: the gate; 0 for none.",
         ),
     ] = 0,
-    twin: Annotated[
-        bool, typer.Option("--twin", help="Play runs with the twin, in the place of SUMO.")
+    plays: Annotated[
+        bool, typer.Option("--plays", help="Play runs in arrays, in the place of SUMO.")
     ] = False,
     sut: Sut = DEFAULT_SYSTEM,
     jobs: Jobs = 2,
@@ -59,10 +59,10 @@ def command(
     densities.
     """
     from generation.search.outcomes import Evaluator
+    from generation.search.plays import ArrayPlays
     from generation.space.density.models import model
     from generation.space.recorded import kind_of, of_recordings, of_samples
     from generation.space.space import Space
-    from generation.twin.episodes import Twin
     from studies.generation.densities import comparison
 
     for name in only or ():
@@ -78,7 +78,7 @@ def command(
         print(comparison(found.theta, found.recordings, only).markdown(), end="")
         if runs:
             names = only or list(models())
-            play = Twin if twin else partial(Evaluator, processes=jobs)
+            play = ArrayPlays if plays else partial(Evaluator, processes=jobs)
             simulate = partial(play, scenario, run=RunSettings(sut=sut))
             print(
                 "\n" + _gated(space, of_samples(samples, space), names, runs, simulate).markdown(),

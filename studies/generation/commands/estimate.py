@@ -1,4 +1,4 @@
-"""`python -m studies.generation estimate`: count intervals of estimates that cover the truth of many draws on the twin."""
+"""`python -m studies.generation estimate`: count intervals of estimates that cover the truth of many draws in arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NAME = "python -m studies.generation estimate"
 
 def command(
     scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that plays in arrays.")
     ],
     repeats: Annotated[
         int, typer.Option(min=1, metavar="N", help="Estimates, each with a seed of its own.")
@@ -28,13 +28,13 @@ def command(
         int, typer.Option(min=1, metavar="N", help="Draws of the prior that say what is true.")
     ] = 100_000,
     runs: Annotated[
-        int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played on the twin.")
+        int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played in arrays.")
     ] = 600,
-    without_twin: Annotated[
+    without_plays: Annotated[
         bool,
         typer.Option(
-            "--without-twin",
-            help="Estimate after a search of as many runs, as where a scenario has no twin.",
+            "--without-plays",
+            help="Estimate after a search of as many runs, as where a scenario does not play in arrays.",
         ),
     ] = False,
     sut: Sut = DEFAULT_SYSTEM,
@@ -44,22 +44,25 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Repeat the estimate with the twin in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
+    """Repeat the estimate in arrays in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from studies.generation.problem import posed
     from studies.generation.truth import crude, searched
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
-        prior, twin = posing.problem.prior, posing.problem.twin
-        if twin is None or prior is None:
-            raise Unsupported("this scenario has no twin", path=scenario)
-        true = crude(prior, twin, truth)
-        print(f"crude Monte Carlo on the twin: {true}", flush=True)
+        prior, plays = posing.problem.prior, posing.problem.plays
+        if plays is None or prior is None:
+            raise Unsupported("this scenario does not play in arrays", path=scenario)
+        true = crude(prior, plays, truth)
+        print(f"crude Monte Carlo in arrays: {true}", flush=True)
         share, covered, variations = true.collisions / true.runs, 0, []
         for seed in range(repeats):
-            known = searched(posing.problem, runs, seed) if without_twin else Known.nothing(prior)
-            plays, settings = None if without_twin else twin, EstimateSettings(runs, seed, False, 0)
-            found = estimate(prior, twin, twin, known, plays, settings).probabilities[FAILURE]
+            known = searched(posing.problem, runs, seed) if without_plays else Known.nothing(prior)
+            given, settings = (
+                None if without_plays else plays,
+                EstimateSettings(runs, seed, False, 0),
+            )
+            found = estimate(prior, plays, plays, known, given, settings).probabilities[FAILURE]
             low, high = found.interval
             covered += low <= share <= high
             variations.append(found.variation)

@@ -22,7 +22,7 @@ def command(
     ],
     sut: Sut = DEFAULT_SYSTEM,
     draws: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")
+        int, typer.Option(min=1, metavar="N", help="Draws of the density, played in arrays.")
     ] = 4000,
     recorded: Recorded = None,
     _verbose: Verbose = False,
@@ -32,9 +32,9 @@ def command(
     neither adversary brings about alone, the whole space."""
     from tempfile import TemporaryDirectory
 
+    from generation.search.plays import ArrayPlays
     from generation.space.recorded import kind_of, of_recordings, of_samples
     from generation.space.space import Space
-    from generation.twin.episodes import Twin
     from studies.generation.foreseen import limits
     from studies.generation.pairs import Coordinated, acting_alone
 
@@ -44,9 +44,10 @@ def command(
             units = of_samples(of_recordings(recorded, kind_of(scenario)), space)
             with TemporaryDirectory() as scratch:
                 paths = {"": scenario, **acting_alone(scenario, Path(scratch))}
-                twins = {
-                    name: Twin(path, space, RunSettings(sut=sut)) for name, path in paths.items()
+                singly = {
+                    name: ArrayPlays(path, space, RunSettings(sut=sut))
+                    for name, path in paths.items()
                 }
-            twin = twins.pop("")
-            found = limits(space, units, twin, Coordinated(twin, twins), draws)
+            plays = singly.pop("")
+            found = limits(space, units, plays, Coordinated(plays, singly), draws)
             print(f"{scenario.stem}\n\n{found.markdown()}", flush=True)

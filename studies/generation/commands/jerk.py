@@ -18,7 +18,7 @@ def command(
     recorded: Recorded = None,
     sut: Sut = DEFAULT_SYSTEM,
     draws: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")
+        int, typer.Option(min=1, metavar="N", help="Draws of the density, played in arrays.")
     ] = 100_000,
     seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
     _verbose: Verbose = False,

@@ -15,7 +15,7 @@ NAME = "python -m studies.generation judges"
 
 def command(
     scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that plays in arrays.")
     ],
     systems: Annotated[
         list[str] | None,
@@ -28,7 +28,7 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Replay all recorded units on the twin with each reference driver, and count collisions by kind of site."""
+    """Replay all recorded units in arrays with each reference driver, and count collisions by kind of site."""
     from generation.space.recorded import kind_of, of_recordings, of_samples
     from generation.space.space import Space
     from schemas.common.errors import UsageError

@@ -39,9 +39,9 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Count the failures on the twin of actions that are drawn evenly, and of policies that learn by each objective."""
+    """Count the failures in arrays of actions that are drawn evenly, and of policies that learn by each objective."""
+    from generation.search.plays import ArrayPlays
     from generation.space.space import Space
-    from generation.twin.episodes import Twin
     from studies.generation.adversary.actions import OWN, Actions
     from studies.generation.adversary.course import Scene
     from studies.generation.adversary.driving import Driving
@@ -60,7 +60,7 @@ def command(
             starts_of(scenario, {}),
         )
         space = Space.of(scenario)
-        twin = Twin(scenario, space, RunSettings(sut=sut))
+        plays = ArrayPlays(scenario, space, RunSettings(sut=sut))
         for name, each in ((name, settings[name]) for name in only or settings):
             for own in range(seed, seed + seeds):
                 found = search(scene, driving, starts, sut, RunSettings.timestep, own, each)
@@ -70,7 +70,7 @@ def command(
                 )
                 distinct = len(found.failures.contact)
                 reached = int(
-                    twin(
+                    plays(
                         as_maneuvers(scene, space, found.failures, RunSettings.timestep)
                     ).collision.sum()
                 )

@@ -73,7 +73,7 @@ def command(
 ) -> None:
     """Search for planted failures without a screen: every trial is a run.
 
-    Systems that the kinematic twin plays are played there, all others on SUMO.
+    Systems that play in arrays are played there, all others on SUMO.
     """
     from dataclasses import replace
 
@@ -82,8 +82,8 @@ def command(
     from studies.generation.planted.study import (
         FIRST_SEED,
         PLANS,
+        PLAYED,
         ROWS,
-        TWIN,
         Benchmark,
         statements,
         table,
@@ -109,9 +109,9 @@ def command(
     ):
         problem = posing.problem
         assert problem.prior is not None
-        if problem.twin is None and TWIN in (methods or ()):
-            raise UsageError(f"{TWIN} needs a scenario that the twin plays", path=scenario)
-        rows = methods or [name for name in ROWS if name != TWIN or problem.twin is not None]
+        if problem.plays is None and PLAYED in (methods or ()):
+            raise UsageError(f"{PLAYED} needs a scenario that plays in arrays", path=scenario)
+        rows = methods or [name for name in ROWS if name != PLAYED or problem.plays is not None]
         of = "_".join([scenario.stem, *([kind] if kind else []), f"{timestep:g}"])
         drawn = Pool.of(problem.prior, posing.plays, pool, out / f"{of}_pool_{pool}.npz")
         start = FIRST_SEED[generator] if first is None else first

@@ -59,7 +59,7 @@ ROWS: Mapping[str, Search] = {
     "sobol": sobol,
     "maximin": maximin,
     "cover": cover,
-    "cover-twin": cover,
+    "cover-plays": cover,
     "mcsg": mcsg,
     "mcsg-published": mcsg_published,
     "cma-es": cma_es,
@@ -67,8 +67,8 @@ ROWS: Mapping[str, Search] = {
     "subset": subset,
 }
 """Methods by name, the one that the others must not stay behind first"""
-TWIN = "cover-twin"
-"""The method that has a twin of the planted system, which plays the reference drivers too"""
+PLAYED = "cover-plays"
+"""The method that has plays of the planted system, and of the reference drivers"""
 _ALONE = frozenset({"mcsg", "mcsg-published"})
 """Methods that draw from a generator of the whole process: no other search may work beside them"""
 OURS = "cover"
@@ -113,7 +113,7 @@ class Result(NamedTuple):
 
     Attributes:
         plan, method, seed, runs: the search, and after how many runs it was judged.
-        found: what it found. seconds: processor time of the whole search, without what the twin
+        found: what it found. seconds: processor time of the whole search, without what plays
             played.
         stated: the product's statement after so many runs, a quarter of them unguided draws.
     """
@@ -257,10 +257,10 @@ class Benchmark(NamedTuple):
         def work(plays: Plays) -> tuple[History, float]:
             system = replace(planted, plays=plays)
 
-            def twin(theta: FloatArray, sut: str | None = None) -> Outcomes:
+            def own(theta: FloatArray, sut: str | None = None) -> Outcomes:
                 return system(theta) if sut is None else plays(theta, sut)
 
-            posed = replace(self.problem, evaluate=system, twin=twin if name == TWIN else None)
+            posed = replace(self.problem, evaluate=system, plays=own if name == PLAYED else None)
             start = time.thread_time()
             return ROWS[name](posed, self.budget, seed), time.thread_time() - start
 

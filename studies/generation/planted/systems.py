@@ -1,6 +1,6 @@
 """Systems with planted failures, made by seed: regions of foreseeable manoeuvres in which a driver sleeps.
 
-The undriven run, on the kinematic twin or on SUMO, says what happens there: a point fails if it
+The undriven run, in arrays or on SUMO, says what happens there: a point fails if it
 lies in a region and collides undriven. Outside its regions the driver is perfect, or any system
 under test. With a gradient it gets worse near a region; without one nothing announces a failure.
 

@@ -1,4 +1,4 @@
-"""Searches in lockstep: what all of them ask for is played at once, as a twin plays a thousand points nearly as fast as fifty.
+"""Searches in lockstep: what all of them ask for is played at once, as a thousand points play nearly as fast as fifty.
 
 One search works at a time, and they take turns in their order, so that a repetition gives the same.
 """

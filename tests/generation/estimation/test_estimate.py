@@ -40,7 +40,7 @@ def surviving(theta: FloatArray, sut: str | None = None) -> Outcomes:
 
 
 def misled(theta: FloatArray, sut: str | None = None) -> Outcomes:
-    """A twin whose corner is a little larger on one side, and smaller on the other."""
+    """Plays whose corner is a little larger on one side, and smaller on the other."""
     return failing(theta + np.array([0.002, -0.002]), sut)
 
 
@@ -104,7 +104,7 @@ def searched(seed: int) -> Known:
 
 
 @pytest.mark.slow
-def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
+def test_runs_of_before_make_the_proposal_without_plays() -> None:
     found = [
         estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed))
         for seed in range(2)

@@ -43,7 +43,7 @@ def test_few_failures_are_called_unstable() -> None:
     assert "unstable" in str(probability(u < 0.02, weights, 1.0))
 
 
-def test_a_twin_that_is_right_leaves_its_own_uncertainty_only() -> None:
+def test_plays_that_is_right_leaves_its_own_uncertainty_only() -> None:
     u, weights = draws(300)
     more, heavy = draws(40_000, 4)
     plain = probability(u < 0.1, weights, 1.0)
@@ -52,7 +52,7 @@ def test_a_twin_that_is_right_leaves_its_own_uncertainty_only() -> None:
     assert controlled.deviation < 0.12 * plain.deviation
 
 
-def test_a_twin_that_is_wrong_does_no_harm() -> None:
+def test_plays_that_is_wrong_does_no_harm() -> None:
     u, weights = draws(4000)
     more, heavy = draws(40_000, 4)
     plain = probability(u < 0.1, weights, 1.0)

@@ -96,17 +96,17 @@ def test_without_a_failure_every_run_is_still_spent(posed: SearchProblem) -> Non
     assert len(found.theta) == 90 and not found.outcomes.collision.any()
 
 
-def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(
+def test_plays_guides_by_its_verdicts_and_unprevented_failures_count_less(
     posed: SearchProblem,
 ) -> None:
-    def twin(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    def own(theta: FloatArray, sut: str | None = None) -> Outcomes:
         """Careful drivers survive at great gaps alone."""
         found = fails(theta)
         return found if sut is None else replace(found, collision=found.collision & near(theta))
 
-    found = cover(replace(posed, twin=twin), 200, 1)
+    found = cover(replace(posed, plays=own), 200, 1)
     guided = found.theta[np.arange(200) % 40 >= 10]
-    assert (near(guided) | fast(guided)).all(), "the twin's verdicts are those of the runs"
+    assert (near(guided) | fast(guided)).all(), "verdicts of plays are those of the runs"
     assert fast(guided).sum() > 2 * fast(posed.prior.sample(150, np.random.default_rng(1))).sum()  # type: ignore[union-attr]
 
 

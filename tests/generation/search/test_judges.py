@@ -106,7 +106,7 @@ def test_the_second_judge_is_asked_only_where_the_first_one_fails() -> None:
     assert asked == [(JUDGES[0], 3), (JUDGES[1], 2)]
 
 
-def test_a_twin_that_agrees_on_the_judges_plays_the_other_drivers() -> None:
+def test_plays_that_agrees_on_the_judges_plays_the_other_drivers() -> None:
     ran: list[str] = []
 
     def running(theta: FloatArray, sut: str) -> Outcomes:
@@ -121,7 +121,7 @@ def test_a_twin_that_agrees_on_the_judges_plays_the_other_drivers() -> None:
     }
 
 
-def test_a_twin_that_differs_on_a_judge_plays_nobody() -> None:
+def test_plays_that_differs_on_a_judge_plays_nobody() -> None:
     ran: list[str] = []
 
     def running(theta: FloatArray, sut: str) -> Outcomes:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.search.outcomes import NOTHING, Outcomes, episode
+from generation.search.outcomes import FULL_BRAKING, NOTHING, Outcomes, episode
 from generation.search.plays import ArrayPlays
 from generation.space.space import Space
 from runner.batch.jobs import Job
@@ -15,6 +15,7 @@ from schemas.common.errors import Unsupported
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CUT_IN = LIBRARY / "cut_in_highway.xosc"
+MANEUVERS = ("cut_out", "lane_change_left", "car_following", "braking_leader", "free_cruise")
 OWN = """
 import numpy as np
 from runner.systems.arrays import BatchControl
@@ -40,19 +41,42 @@ def singly(scenario: Path, space: Space, theta: np.ndarray, chosen: RunSettings)
     return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
 
 
-@pytest.mark.parametrize("sut", ["cas", "adas"])
-def test_plays_have_the_outcomes_of_runs(sut: str) -> None:
-    space = Space.of(CUT_IN)
-    theta = space.draw(12, np.random.default_rng(5))
-    found = ArrayPlays(CUT_IN, space, settings(sut), "ad-rss")(theta)
-    truth = singly(CUT_IN, space, theta, settings(sut))
-    assert 0 < found.collision.sum() < len(theta)
+@pytest.mark.parametrize(
+    ("name", "sut"),
+    [
+        ("cut_in", "cas"),
+        ("cut_in", "adas"),
+        ("cut_in", "cas:sensor_range=40,brake=6"),
+        ("cut_in", FULL_BRAKING),
+        ("lane_change_left", FULL_BRAKING),
+        *((name, "cas") for name in MANEUVERS),
+    ],
+)
+def test_plays_have_the_outcomes_of_runs(name: str, sut: str) -> None:
+    scenario = LIBRARY / f"{name}_highway.xosc"
+    space = Space.of(scenario, free=["Lead_Jerk_mps3"] if name.startswith("braking") else [])
+    theta = space.draw(12 if name == "cut_in" else 5, np.random.default_rng(5))
+    found = ArrayPlays(scenario, space, settings(sut), "ad-rss")(theta)
+    truth = singly(scenario, space, theta, settings(sut))
+    assert name != "cut_in" or sut != "cas" or 0 < found.collision.sum() < len(theta)
     for each in fields(Outcomes):
         own, other = getattr(found, each.name), getattr(truth, each.name)
         if own.dtype.kind == "f":
             np.testing.assert_allclose(own, other, rtol=1e-6, atol=1e-9, err_msg=each.name)
         else:
             np.testing.assert_array_equal(own, other, err_msg=each.name)
+
+
+def test_outcomes_do_not_depend_on_what_is_played_beside() -> None:
+    space = Space.of(CUT_IN)
+    plays, theta = (
+        ArrayPlays(CUT_IN, space, settings("cas")),
+        space.draw(60, np.random.default_rng(2)),
+    )
+    whole, part = plays(theta), plays(theta[20:30])
+    for each in fields(Outcomes):
+        np.testing.assert_array_equal(getattr(whole, each.name)[20:30], getattr(part, each.name))
+    assert len(plays(theta[:0])) == 0
 
 
 def test_a_class_of_the_users_is_asked_for_all_points_at_once(tmp_path: Path) -> None:

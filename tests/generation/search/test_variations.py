@@ -14,12 +14,12 @@ import runner
 import schemas
 import xosc
 from generation.search.outcomes import Cases, Episodes, Evaluator, choose
+from generation.search.plays import ArrayPlays
 from generation.search.settings import Choice
 from generation.search.variations import Evidence, Writer, Written
 from generation.space.density.models.mixtures import Gaussian
 from generation.space.logical.library import SCENARIOS
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
 from xosc.exports import standard
@@ -198,9 +198,9 @@ def test_a_road_in_a_folder_that_is_asked_for_is_played_and_taken_along(tmp_path
     (road,) = source.parent.rglob("*.xodr")
     road.rename(elsewhere / road.name)
     with pytest.raises(InvalidFile, match="--road-path"):
-        Twin(source, SPACE)
+        ArrayPlays(source, SPACE)
     settings = RunSettings(road_path=(str(elsewhere),))
     middle = (SPACE.low + SPACE.high)[np.newaxis] / 2.0
-    assert Twin(source, SPACE, settings)(middle).executed.all()
+    assert ArrayPlays(source, SPACE, settings)(middle).executed.all()
     Writer(source, SPACE, tmp_path / "out", settings)
     assert runner.run(tmp_path / "out" / CUT_IN.name, world="kinematic", max_time=0.2).status

@@ -46,7 +46,7 @@ def test_help_lists_every_experiment(
             "methods",
             "planted",
             "coverage",
-            "twin",
+            "plays",
             "systems",
             "densities",
             "reconstruction",
@@ -185,13 +185,13 @@ def test_wrong_use_is_one_line(
     assert "Traceback" not in said
 
 
-def test_the_twin_is_measured_against_sumo(
+def test_plays_are_measured_against_sumo(
     units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (
         call(
             monkeypatch,
-            "twin",
+            "plays",
             CUT_IN,
             "--draws",
             8,

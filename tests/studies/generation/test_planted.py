@@ -11,11 +11,11 @@ import pytest
 
 from generation.search.methods.cover import Frame, draws
 from generation.search.outcomes import Evaluator, Outcomes
+from generation.search.plays import ArrayPlays
 from generation.search.problem import History, Realism, Reward, Search, SearchProblem
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
@@ -53,19 +53,19 @@ SPACE = Space.of(CUT_IN)
 def posed() -> SearchProblem:
     recorded = of_samples(of_recordings(None, "cut_in"), SPACE)
     real = recorded.within(SPACE)
-    twin = Twin(CUT_IN, SPACE)
+    plays = ArrayPlays(CUT_IN, SPACE)
     reward = Reward(Realism.fitted("gaussian", real.theta, real.recordings))
     return SearchProblem(
-        SPACE, twin, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), twin
+        SPACE, plays, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), plays
     )
 
 
 @pytest.fixture(scope="module")
 def pool(posed: SearchProblem, tmp_path_factory: pytest.TempPathFactory) -> Pool:
     path = tmp_path_factory.mktemp("pool") / "pool.npz"
-    assert posed.prior is not None and posed.twin is not None
-    found = Pool.of(posed.prior, posed.twin, 3000, path)
-    np.testing.assert_array_equal(Pool.of(posed.prior, posed.twin, 1, path).hits, found.hits)
+    assert posed.prior is not None and posed.plays is not None
+    found = Pool.of(posed.prior, posed.plays, 3000, path)
+    np.testing.assert_array_equal(Pool.of(posed.prior, posed.plays, 1, path).hits, found.hits)
     return found
 
 
@@ -78,8 +78,8 @@ def test_development_and_reported_shapes_are_apart() -> None:
 def test_regions_have_their_probability_and_nothing_fails_outside(
     shape: str, gradient: bool, posed: SearchProblem, pool: Pool
 ) -> None:
-    assert posed.prior is not None and posed.twin is not None
-    planted = plant(Plan(shape, 2, 0.02, gradient), SPACE, posed.prior, posed.twin, pool, 3)
+    assert posed.prior is not None and posed.plays is not None
+    planted = plant(Plan(shape, 2, 0.02, gradient), SPACE, posed.prior, posed.plays, pool, 3)
     inside = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     failing = np.asarray(inside.any(axis=0), bool)
     assert inside.sum(axis=1) == pytest.approx([30, 30], abs=4)
@@ -99,8 +99,8 @@ def test_regions_have_their_probability_and_nothing_fails_outside(
 
 
 def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Pool) -> None:
-    assert posed.prior is not None and posed.twin is not None
-    planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.twin, pool, 3)
+    assert posed.prior is not None and posed.plays is not None
+    planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.plays, pool, 3)
     own = replace(posed, evaluate=planted)
     nothing = draws(
         replace(
@@ -127,18 +127,18 @@ def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Po
 def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(
     posed: SearchProblem, pool: Pool
 ) -> None:
-    assert posed.prior is not None and posed.twin is not None
-    planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.twin, pool, 3)
+    assert posed.prior is not None and posed.plays is not None
+    planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.plays, pool, 3)
     rows = pool.hits[:60]
     held = planted.within(pool.theta[rows], pool.undriven.take(rows))[0]
-    found, base = planted(pool.theta[rows]), posed.twin(pool.theta[rows], "fsm")
+    found, base = planted(pool.theta[rows]), posed.plays(pool.theta[rows], "fsm")
     assert held.any() and found.collision[held].all()
     np.testing.assert_array_equal(found.clearance[~held], base.clearance[~held])
 
 
 def test_failures_of_the_base_are_counted_apart(posed: SearchProblem, pool: Pool) -> None:
-    assert posed.prior is not None and posed.twin is not None
-    planted = plant(Plan("box", 1, 0.02, False, UNDRIVEN), SPACE, posed.prior, posed.twin, pool, 3)
+    assert posed.prior is not None and posed.plays is not None
+    planted = plant(Plan("box", 1, 0.02, False, UNDRIVEN), SPACE, posed.prior, posed.plays, pool, 3)
     theta = pool.theta[pool.hits[:60]]
     held = planted.within(theta, pool.undriven.take(pool.hits[:60]))[0]
     found = judged(planted, posed, pool, History(theta, planted(theta), np.zeros(60)))
@@ -148,7 +148,7 @@ def test_failures_of_the_base_are_counted_apart(posed: SearchProblem, pool: Pool
     assert (nothing.regions, nothing.far, nothing.own) == (0.0, 0.0, 1.0)
 
 
-def test_systems_that_the_twin_does_not_play_are_run(posed: SearchProblem) -> None:
+def test_systems_that_do_not_play_in_arrays_are_run(posed: SearchProblem) -> None:
     run = list[str | None]()
 
     def sumo(theta: np.ndarray, sut: str | None = None) -> Outcomes:
@@ -158,7 +158,7 @@ def test_systems_that_the_twin_does_not_play_are_run(posed: SearchProblem) -> No
     posing, theta = Posed(posed, cast(Evaluator, sumo)), posed.real[:2]
     assert len(posing.plays(theta, "adas")) == len(posing.plays(theta, "cas")) == 2
     assert run == ["adas"]
-    posing._replace(problem=replace(posed, twin=None)).plays(theta, "cas")
+    posing._replace(problem=replace(posed, plays=None)).plays(theta, "cas")
     assert run == ["adas", "cas"]
 
 
@@ -166,9 +166,9 @@ def test_systems_that_the_twin_does_not_play_are_run(posed: SearchProblem) -> No
 def test_rows_spend_their_budget_on_what_traffic_does(
     method: Search, posed: SearchProblem, pool: Pool
 ) -> None:
-    assert posed.prior is not None and posed.twin is not None
-    planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.twin, pool, 3)
-    own = replace(posed, evaluate=planted, twin=None)
+    assert posed.prior is not None and posed.plays is not None
+    planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.plays, pool, 3)
+    own = replace(posed, evaluate=planted, plays=None)
     one, other = method(own, 130, 4), method(own, 130, 4)
     np.testing.assert_array_equal(one.theta, other.theta)
     assert len(one.theta) == 130
@@ -177,15 +177,15 @@ def test_rows_spend_their_budget_on_what_traffic_does(
 
 
 def test_searches_in_lockstep_find_what_each_finds_alone(posed: SearchProblem, pool: Pool) -> None:
-    assert posed.prior is not None and posed.twin is not None
+    assert posed.prior is not None and posed.plays is not None
     plan, calls = Plan("box", 1, 0.04, True), list[int]()
 
     def counting(theta: np.ndarray, sut: str | None = None) -> Outcomes:
         calls.append(len(theta))
-        assert posed.twin is not None and sut == UNDRIVEN
-        return posed.twin(theta, sut)
+        assert posed.plays is not None and sut == UNDRIVEN
+        return posed.plays(theta, sut)
 
-    planted = plant(plan, SPACE, posed.prior, posed.twin, pool, 3)
+    planted = plant(plan, SPACE, posed.prior, posed.plays, pool, 3)
     found = together(
         [
             lambda plays, seed=seed: draws(
@@ -204,16 +204,16 @@ def test_searches_in_lockstep_find_what_each_finds_alone(posed: SearchProblem, p
 
 
 def test_an_error_in_lockstep_is_the_callers(posed: SearchProblem) -> None:
-    assert posed.twin is not None
+    assert posed.plays is not None
     with pytest.raises(ZeroDivisionError):
         together(
-            [lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.twin
+            [lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.plays
         )
 
 
 def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_path: Path) -> None:
-    assert posed.twin is not None
-    benchmark = Benchmark(posed, posed.twin, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
+    assert posed.plays is not None
+    benchmark = Benchmark(posed, posed.plays, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
     found = list(benchmark.results(1, Records(tmp_path / "a.jsonl")))
     assert [each.runs for each in found] == [100, 120]
     before = (tmp_path / "a.jsonl").read_bytes()
@@ -222,9 +222,9 @@ def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_p
 
 
 def test_a_pool_that_is_too_small_is_refused(posed: SearchProblem, pool: Pool) -> None:
-    assert posed.prior is not None and posed.twin is not None
+    assert posed.prior is not None and posed.plays is not None
     with pytest.raises(ValueError, match="10 are needed"):
-        plant(Plan("box", 1, 1e-4, False), SPACE, posed.prior, posed.twin, pool, 0)
+        plant(Plan("box", 1, 1e-4, False), SPACE, posed.prior, posed.plays, pool, 0)
 
 
 def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:

@@ -10,11 +10,11 @@ import pytest
 import runner
 import schemas
 from generation.search.outcomes import Evaluator
+from generation.search.plays import ArrayPlays
 from generation.space.logical.library import SCENARIOS, pair_scenarios
 from generation.space.logical.pairs import LEAD_IN, PairUnits
 from generation.space.recorded import kind_of, of_recordings, of_samples
 from generation.space.space import Space
-from generation.twin.episodes import Twin
 from recognition.labels.maneuvers.units import MOST_LAG, OWN, Samples, followed, pairs
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
@@ -96,7 +96,7 @@ def test_what_is_foreseeable_together_is_also_foreseeable_alone() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_twin_plays_both_as_the_interpreter_does(name: str) -> None:
+def test_arrays_play_both_as_the_interpreter_does(name: str) -> None:
     space = Space.of(path_of(name))
     recorded = of_samples(of_recordings(None, kind_of(path_of(name))), space).within(space)
     theta = recorded.theta[:8]
@@ -104,7 +104,7 @@ def test_the_twin_plays_both_as_the_interpreter_does(name: str) -> None:
         path_of(name), space, run=RunSettings(world="kinematic"), processes=1
     ) as evaluate:
         real = evaluate(theta)
-    played = Twin(path_of(name), space)(theta)
+    played = ArrayPlays(path_of(name), space)(theta)
     np.testing.assert_array_equal(played.collision, real.collision)
     np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
     np.testing.assert_allclose(played.max_drac, real.max_drac, rtol=1e-6)
@@ -135,12 +135,13 @@ def test_one_who_acts_alone_leaves_the_other_one_where_it_is(tmp_path: Path) -> 
 def test_only_what_needs_both_counts(tmp_path: Path) -> None:
     space = Space.of(path_of(NAMES[0]))
     alone = {
-        name: Twin(path, space) for name, path in acting_alone(path_of(NAMES[0]), tmp_path).items()
+        name: ArrayPlays(path, space)
+        for name, path in acting_alone(path_of(NAMES[0]), tmp_path).items()
     }
-    twin = Twin(path_of(NAMES[0]), space)
+    plays = ArrayPlays(path_of(NAMES[0]), space)
     theta = space.draw(300, np.random.default_rng(3))
-    every = twin(theta).collision
-    counted = Coordinated(twin, alone)(theta).collision
+    every = plays(theta).collision
+    counted = Coordinated(plays, alone)(theta).collision
     single = np.any([plays(theta).collision for plays in alone.values()], axis=0)
     assert every.any()
     np.testing.assert_array_equal(counted, every & ~single)
@@ -185,7 +186,7 @@ def test_a_tail_gater_keeps_its_gap_and_hits_who_brakes_harder_than_it_reacts(
 
 
 @pytest.mark.parametrize("gap", [0.7, 5.0, 12.0])
-def test_the_twin_reacts_as_a_tail_gater_of_the_interpreter_does(gap: float) -> None:
+def test_arrays_react_as_a_tail_gater_of_the_interpreter_does(gap: float) -> None:
     space = Space.of(path_of(TAIL_GATED))
     recorded = of_samples(of_recordings(None, kind_of(path_of(TAIL_GATED))), space).within(space)
     theta = recorded.theta[np.argsort(recorded.theta[:, 0])[:12]].copy()
@@ -194,7 +195,7 @@ def test_the_twin_reacts_as_a_tail_gater_of_the_interpreter_does(gap: float) -> 
         path_of(TAIL_GATED), space, run=RunSettings(world="kinematic"), processes=1
     ) as evaluate:
         real = evaluate(theta)
-    played = Twin(path_of(TAIL_GATED), space)(theta)
+    played = ArrayPlays(path_of(TAIL_GATED), space)(theta)
     np.testing.assert_array_equal(played.collision, real.collision)
     np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
     np.testing.assert_allclose(played.impact_speed, real.impact_speed, atol=1e-6)

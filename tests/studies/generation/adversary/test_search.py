@@ -1,4 +1,4 @@
-"""What an adversary finds on the twin is what a file of it does in a run, to the step."""
+"""What an adversary finds in arrays is what a file of it does in a run, to the step."""
 
 from __future__ import annotations
 

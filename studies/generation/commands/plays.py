@@ -1,4 +1,4 @@
-"""`python -m studies.generation twin`: how often the twin's verdicts are SUMO's, and how fast it is."""
+"""`python -m studies.generation plays`: how often verdicts of plays in arrays are SUMO's, and how fast it is."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runner.batch.options import Sut
 from runner.judging.settings import DEFAULT_SYSTEM
 from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
-NAME = "python -m studies.generation twin"
+NAME = "python -m studies.generation plays"
 _PLAYED = 32_768
 """Points by which its speed is measured"""
 
@@ -25,7 +25,7 @@ def command(
         int, typer.Option(min=4, metavar="N", help="Draws of the prior, and as many uniform ones.")
     ] = 500,
     finds: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Failures found on the twin, at most.")
+        int, typer.Option(min=0, metavar="N", help="Failures found in arrays, at most.")
     ] = 250,
     seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 0,
     sut: Sut = DEFAULT_SYSTEM,
@@ -35,7 +35,7 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare verdicts of the twin with those of SUMO, for the system under test and all reference drivers."""
+    """Compare verdicts of plays in arrays with those of SUMO, for the system under test and all reference drivers."""
     from studies.generation.agreement import measured
     from studies.generation.problem import posed
 
@@ -44,8 +44,8 @@ def command(
             print(each, flush=True)
         theta = problem.problem.space.draw(_PLAYED, np.random.default_rng(seed))
         begun = time.process_time()
-        assert problem.problem.twin is not None
-        problem.problem.twin(theta)
+        assert problem.problem.plays is not None
+        problem.problem.plays(theta)
         print(
             f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor time, uniform draws"
         )
