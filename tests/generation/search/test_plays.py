@@ -48,7 +48,7 @@ def singly(scenario: Path, space: Space, theta: np.ndarray, chosen: RunSettings)
         ("cut_in", "adas"),
         ("cut_in", "cas:sensor_range=40,brake=6"),
         ("cut_in", FULL_BRAKING),
-        ("lane_change_left", FULL_BRAKING),
+        ("cut_out", FULL_BRAKING),
         *((name, "cas") for name in MANEUVERS),
     ],
 )
