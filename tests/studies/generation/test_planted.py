@@ -156,10 +156,10 @@ def test_systems_that_do_not_play_in_arrays_are_run(posed: SearchProblem) -> Non
         return Outcomes.of(len(theta))
 
     posing, theta = Posed(posed, cast(Evaluator, sumo)), posed.real[:2]
-    assert len(posing.plays(theta, "adas")) == len(posing.plays(theta, "cas")) == 2
-    assert run == ["adas"]
+    assert len(posing.plays(theta, "sumo")) == len(posing.plays(theta, "cas")) == 2
+    assert run == ["sumo"]
     posing._replace(problem=replace(posed, plays=None)).plays(theta, "cas")
-    assert run == ["adas", "cas"]
+    assert run == ["sumo", "cas"]
 
 
 @pytest.mark.parametrize("method", [cells, sobol, maximin, subset, level_sets])
