@@ -25,7 +25,7 @@ _MOVING = (
     "speed", "acceleration", "vx", "vy", "ax", "ay", "turn", "odometer", "standstill",
     "target_speed", "path_compensated", "activated", "route", "easing",
 )  # fmt: skip
-"""What an entity keeps that is put somewhere"""
+"""State that an entity keeps when it is put somewhere"""
 
 
 class RunRows:
