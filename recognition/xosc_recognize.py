@@ -69,12 +69,18 @@ class ScenarioFormat:
 
     Attributes:
         road: the OpenDRIVE file of all recordings; None for what they have.
+        columns: declaration of the columns of tables; None for those beside them.
         standard: version of OpenSCENARIO.
     """
 
     road: Path | None = option(
         None,
         "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]",
+        metavar="FILE",
+    )
+    columns: Path | None = option(
+        None,
+        "Names, units and frame of the columns of tables, TOML.  [default: columns.toml beside each]",
         metavar="FILE",
     )
     standard: str = option(
@@ -143,7 +149,7 @@ def catalogue(
     from recognition.labels import Rules
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
-    settings = CatalogueSettings(scenes, form.road, rules, config=config)
+    settings = CatalogueSettings(scenes, form.road, form.columns, rules, config=config)
     made, note = _recogniser(sorting, discover, keep_model is not None)
     if discover and made is ByRules:
         raise UsageError("--discover is for a model that labels; rules discover nothing")
@@ -203,7 +209,9 @@ def replay(
 
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
-    made = write_replay(path, out, ego=ego, road=form.road, version=form.version, raw=raw)
+    made = write_replay(
+        path, out, ego=ego, road=form.road, columns=form.columns, version=form.version, raw=raw
+    )
     if not quiet:
         for remark in made.remarks:
             say(f"{NAME}: remark: {remark}", to=sys.stderr)
@@ -351,6 +359,10 @@ def inspect(
     road: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file of all recordings.")
     ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Names, units and frame of the columns of tables, TOML."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a JSON object for each recording, one a line.")
     ] = False,
@@ -371,7 +383,7 @@ def inspect(
 
     forget()
     code = 0
-    for source in opened(tuple(paths), road):
+    for source in opened(tuple(paths), road, columns):
         found = inspected(source)
         code = 3 if found.verdict == REFUSED else code
         if as_json:
@@ -380,7 +392,7 @@ def inspect(
             say(f"{found.verdict:8}  {found.quality:.3f}  {found.name} ({found.format})")
             for reason in () if quiet else found.reasons:
                 say(f"          {reason}")
-    skipped = [file for each in listed(tuple(paths)) for file in each.skipped]
+    skipped = [file for each in listed(tuple(paths), columns) for file in each.skipped]
     if skipped and not quiet:
         say(f"{NAME}: {len(skipped)} files are of no known format: {named(skipped)}", to=sys.stderr)
     raise typer.Exit(code)

@@ -246,17 +246,24 @@ def build(
     """
     settings = settings or CatalogueSettings()
     recordings.forget()  # another call in this process may be of other files with the same names
-    sources = recordings.opened(tuple(paths), settings.road)
+    sources = recordings.opened(tuple(paths), settings.road, settings.columns)
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
     places = [
-        RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road) for source in sources
+        RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road, settings.columns)
+        for source in sources
     ]
     with results(partial(recordings.read, settings), places, workers) as found:
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
     work.write([source for source in sources if source.name in work.seen], bar)
-    return work.close([file for found in recordings.listed(tuple(paths)) for file in found.skipped])
+    return work.close(
+        [
+            file
+            for found in recordings.listed(tuple(paths), settings.columns)
+            for file in found.skipped
+        ]
+    )
 
 
 def _refuse_twins(sources: Sequence[Source]) -> None:

@@ -190,6 +190,7 @@ class CatalogueSettings:
     Attributes:
         scenes: subject of a scenario: every event, or every suitable vehicle.
         road: the OpenDRIVE file of all recordings, instead of those that they have.
+        columns: declaration of the columns of tables; None for those beside them.
         rules: thresholds of the labelling rules.
         needs: requirements on a suitable vehicle.
         around: time before and after an event that belongs to its scenario.
@@ -199,6 +200,7 @@ class CatalogueSettings:
 
     scenes: str = EVENTS
     road: Path | None = None
+    columns: Path | None = None
     rules: Rules = field(default_factory=Rules)
     needs: detect.EgoRequirements = field(default_factory=detect.EgoRequirements)
     around: Around = field(default_factory=Around)
@@ -207,17 +209,19 @@ class CatalogueSettings:
 
 
 class RecordingRef(NamedTuple):
-    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a given road."""
+    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a given road and declaration of columns."""
 
     paths: tuple[Path, ...]
     name: str
     shelf: Path
     road: Path | None = None
+    columns: Path | None = None
 
     @property
     def source(self) -> Source:
         """Its source."""
-        return next(source for source in opened(self.paths, self.road) if source.name == self.name)
+        sources = opened(self.paths, self.road, self.columns)
+        return next(source for source in sources if source.name == self.name)
 
 
 class PlacedRecording(NamedTuple):
@@ -271,19 +275,23 @@ class Done(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def opened(paths: tuple[Path, ...], road: Path | None = None) -> list[Source]:
+def opened(
+    paths: tuple[Path, ...], road: Path | None = None, columns: Path | None = None
+) -> list[Source]:
     """The recordings in files and folders, listed once in each process.
 
     Args:
         road: the OpenDRIVE file of all of them, instead of those that they have.
+        columns: declaration of the columns of tables.
     """
-    return [replace(source, given=road) for found in listed(paths) for source in found.sources]
+    found = listed(paths, columns)
+    return [replace(source, given=road) for each in found for source in each.sources]
 
 
 @lru_cache(maxsize=1)
-def listed(paths: tuple[Path, ...]) -> list[datasets.DataSet]:
+def listed(paths: tuple[Path, ...], columns: Path | None = None) -> list[datasets.DataSet]:
     """The data sets in files and folders, listed once in each process."""
-    return [datasets.open(path) for path in paths]
+    return [datasets.open(path, columns=columns) for path in paths]
 
 
 @limited()

@@ -43,6 +43,7 @@ def write_replay(
     *,
     ego: str | None = None,
     road: Path | None = None,
+    columns: Path | None = None,
     version: Version = (1, 3),
     raw: bool = False,
 ) -> Replay:
@@ -57,6 +58,7 @@ def write_replay(
             else the vehicle that is there for longest.
         road: the OpenDRIVE file; by default what the recording has. A recording without one is
             replayed on a plane.
+        columns: declaration of the columns of tables; by default the one beside the recording.
         version: of the standard.
         raw: replay the recorded places and headings, row by row, noise included.
 
@@ -65,7 +67,7 @@ def write_replay(
         UsageError: there are several recordings, no such participant, or the files can't be
             written.
     """
-    source = _only(opened((path,), road), path)
+    source = _only(opened((path,), road, columns), path)
     recording = source.load()
     assert source.report is not None, "the recording has been read"
     remarks = [

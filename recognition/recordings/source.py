@@ -10,8 +10,7 @@ from functools import cached_property, partial
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from recognition.recordings.intake import examine
 from recognition.recordings.quality import REFUSED, Report
@@ -263,7 +262,11 @@ def cache_roads() -> Path:
     return cache_folder("roads")
 
 
-def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:
+def open(
+    path: str | PathLike[str],
+    roads: str | PathLike[str] | None = None,
+    columns: Path | None = None,
+) -> DataSet:
     """The recordings in a folder (with all that is below it) or a file.
 
     Formats are the modules of `recognition.recordings.formats`. Nothing is read before
@@ -271,6 +274,8 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
 
     Args:
         roads: folder for roads that are made from recordings (highD); `cache_roads` by default.
+        columns: declaration of the columns of all tables (`recordings.formats.any_table`); None for
+            those beside them.
 
     Raises:
         InvalidFile: there is no such folder or file.
@@ -278,15 +283,19 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
     path = Path(path)
     if not path.exists():
         raise InvalidFile("no such file or folder", path=path)
-    return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_roads()))
+    folder = Path(roads) if roads is not None else cache_roads()
+    return DataSet(path, partial(_find, path, folder, columns))
 
 
-def _find(path: Path, roads: Path) -> tuple[list[Source], list[Path]]:
+def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], list[Path]]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     by_content = packages.described(FORMATS, "BY_CONTENT")
     modules = [import_module(f"{FORMATS}.{name}") for name in by_content]
     modules += packages.plugins("xosc.dataset").values()
-    formats = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
+    formats: list[Any] = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
+    if columns is not None:
+        tables: Any = import_module(f"{FORMATS}.any_table")
+        formats.insert(0, tables.DeclaredTables(columns))
     by_file = {file: _sources(file, formats, roads) for file in files}
     found = _told_apart([source for sources in by_file.values() for source in sources], path)
     skipped = [
@@ -338,7 +347,7 @@ def named(files: Sequence[Path]) -> str:
     )
 
 
-def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Source]:
+def _sources(file: Path, formats: Sequence[Any], roads: Path) -> list[Source]:
     """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
     try:
         current().admit(file)

@@ -1,7 +1,7 @@
 """CommonRoad XML scenarios (2018b, 2020a), as files or packed in a tar archive.
 
 Source: CommonRoad "XML Format", 2018b and 2020a. Archives are read from front to back, without
-unpacking them. A scenario brings its own map along, made of lanelets (`lanelets.road_of`).
+unpacking them. A scenario brings its own map along, made of lanelets (`road_of`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from lxml import etree
 
-from recognition.recordings.formats.commonroad.lanelets import road_of
 from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Exclusion, Report
+from recognition.recordings.road_sources import keep_road
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import Table
@@ -30,7 +30,17 @@ from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import MAX_BYTES
 from schemas.common.xml import parse, parse_bytes
-from xodr.formats.commonroad import child, invalid, measured, number, unsupported
+from xodr.formats.commonroad import (
+    CommonRoadLanelet,
+    child,
+    invalid,
+    lane_type,
+    lanelets,
+    measured,
+    number,
+    unsupported,
+)
+from xodr.formats.lanelet2 import Lanelet, build
 
 _CATEGORIES = {
     "car": "car", "taxi": "car", "priorityVehicle": "car", "parkedVehicle": "car", "truck": "truck", "bus": "bus",
@@ -387,3 +397,61 @@ def _content(path: Path, member: str) -> bytes:
         return file.read() if file is not None else b""
     except _BROKEN as error:
         raise InvalidFile(f"the archive can't be read: {error}", path=path / member) from None
+
+
+# the road ----------------------------------------------------------------------------------
+
+_MOTORWAY = {"highway", "interstate", "mainCarriageWay", "accessRamp", "exitRamp"}
+_TAGS = {"interstate": "motorway", "highway": "motorway", "urban": "town"}
+"""Tags of scenarios that say what kind of road they are on, the more telling first"""
+
+
+def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
+    """The road that a scenario brings along, written into a folder.
+
+    Types of lanelets seldom tell motorways: in NGSIM's scenarios all are "urban". Where they don't,
+    the scenario's tags do. Where these are silent too, speed limits decide; without limits one
+    "urban" lanelet makes a town of all that say nothing else.
+
+    Raises:
+        InvalidFile: it has no lanelets, or malformed ones.
+    """
+    found = lanelets(root)
+    if not found:
+        raise invalid(root, "there is no lanelet, so its roads are unknown")
+
+    tagged = _tagged(root)
+    unlimited = (
+        "town" if tagged == "unknown" and any("urban" in one.types for one in found) else tagged
+    )
+
+    def kind(one: CommonRoadLanelet) -> str:
+        if set(one.types) & _MOTORWAY:
+            return "motorway"
+        return unlimited if math.isinf(one.limit) else tagged
+
+    built = build(
+        [
+            Lanelet(
+                one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left, one.beside_right,
+                lane_type(one.types), kind(one), one.limit,
+            )
+            for one in found
+        ],
+        site,
+    )  # fmt: skip
+    lit = [
+        element.get("id")
+        for element in root.iterchildren("lanelet")
+        if element.find("trafficLightRef") is not None
+    ]
+    lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
+    return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights, notes=tuple(built.notes))
+
+
+def _tagged(root: etree._Element) -> str:
+    """The type of roads in OpenDRIVE that a scenario's tags tell: elements from 2020a on, words of an attribute before."""
+    tags = {str(tag.tag) for tag in root.iterfind("scenarioTags/*")} | set(
+        (root.get("tags") or "").split()
+    )
+    return next((kind for tag, kind in _TAGS.items() if tag in tags), "unknown")
