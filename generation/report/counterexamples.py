@@ -127,6 +127,7 @@ class Counterexample:
         row: of `Counterexamples.cases`.
         scenario: its file, all values worked out. replay: the page that plays it.
         reproduced: whether the run of that file ends in a collision.
+        film: data of its moving picture; None without an encounter.
         recorded: the recorded unit that is most like it; None without recordings.
     """
 
@@ -135,6 +136,7 @@ class Counterexample:
     scenario: Path
     replay: Path
     reproduced: bool
+    film: dict[str, Any] | None
     recorded: RecordedUnit | None
 
 
@@ -171,12 +173,8 @@ def counterexamples(
     files = writer.concrete(cases, evidence(settings), [each[0] for each in names])
     found = []
     for row, (file, each) in enumerate(zip(files, names, strict=True)):
-        replay, reproduced = _played(file, settings)
-        found.append(
-            Counterexample(
-                each, row, file, replay, reproduced, nearest(generated, cases.theta[row])
-            )
-        )
+        unit = nearest(generated, cases.theta[row])
+        found.append(Counterexample(each, row, file, *_played(file, settings), unit))
     return Counterexamples(cases, foreseeable, preventable, found)
 
 
@@ -212,11 +210,12 @@ def _others(generated: Generated) -> Cases:
 
 
 class FailureReplay(NamedTuple):
-    """A failure that is played from its file: the file, the page that plays it, whether its run ends in a collision."""
+    """A failure that is played from its file: the file, the page that plays it, whether its run ends in a collision, its film."""
 
     scenario: Path
     page: Path
     reproduced: bool
+    film: dict[str, Any] | None
 
 
 def replays(
@@ -277,16 +276,16 @@ def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArra
     return found
 
 
-def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool]:
-    """The page that plays a scenario, and whether its run ends in a collision."""
+def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool, dict[str, Any] | None]:
+    """The page that plays a scenario, whether its run ends in a collision, and the data of its moving picture."""
     from runner.judging.execution import run
-    from runner.view.replay.player import write_replay
+    from runner.view.replay.player import preview, write_replay
 
     result = run(file, settings.run)
     result.name = file.stem
     page = file.with_suffix(".html")
     write_replay([result], page)
-    return page, bool(result.verdict.failures)
+    return page, bool(result.verdict.failures), preview(result)
 
 
 _FEWEST = 20

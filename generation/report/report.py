@@ -61,8 +61,8 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     if estimate is None:
         return [
             found,
-            *lost,
             *refused,
+            *lost,
             stated,
             "How often traffic makes it fail was not estimated; --estimate does that.",
         ]
@@ -73,7 +73,7 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
         if generated.gate.replayed is not None
         else f"Where {title} has values as stated (nothing is recorded)"
     )
-    return [*_often(drawn, sut, estimate), *refused, found, *lost, stated]
+    return [found, *refused, *_often(drawn, sut, estimate), *lost, stated]
 
 
 def _found(title: str, sut: str, generated: Generated) -> str:
@@ -90,7 +90,26 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     )
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
-    return f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver."
+    told = f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver"
+    return f"{told}{''.join(f'; {caveat}' for caveat in _caveats(generated, cases))}."
+
+
+def _caveats(generated: Generated, cases: int) -> Iterator[str]:
+    """Limits of what was found: judges that prevent no or few cases, a density that could not be tested."""
+    failed = generated.cases.outcomes.collision
+    drivers = generated.cases.drivers
+    counts = {
+        name: int((drivers[name].survived & failed).sum()) for name in JUDGES if name in drivers
+    }
+    if cases and any(count < cases for count in counts.values()):
+        yield ", ".join(
+            f"{name} prevents {count or 'none'} of them" for name, count in counts.items()
+        )
+    gate = generated.gate
+    if gate.replayed is None:
+        yield "nothing recorded tells how plausible they are"
+    elif gate.refusal is None and not gate.testable:
+        yield "the density of recordings was not testable"
 
 
 def _lost(generated: Generated) -> Iterator[str]:
@@ -182,13 +201,16 @@ REPORT = "report.html"
 _FOLDER = Path(__file__).parent / "page"
 PARTS_JS, PARTS_CSS = (str(_FOLDER / f"parts.{kind}") for kind in ("js", "css"))
 """Files of counts, links, buttons and tables, which the page of a loop has too"""
-_STYLES = "base.css", "report.css", PARTS_CSS, str(_FOLDER / "report.css")
+_STYLES = "base.css", "report.css", "play/colours.css", PARTS_CSS, str(_FOLDER / "report.css")
 _SCRIPTS = (
     "dom.js",
     "axes.js",
+    *(f"play/{part}.js" for part in ("data", "drawing", "pair", "preview")),
     PARTS_JS,
     *(str(_FOLDER / f"{part}.js") for part in ("common", "slices", "tables", "main")),
 )
+_FILMS = 6
+"""Most failures shown as moving pictures, each with a sentence of its own"""
 _SHOWN = 800
 """Runs that a slice shows at most"""
 _DIGITS = 5
@@ -284,6 +306,7 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         "scenario": scenario.stem,
         "sut": sut,
         "headline": headline(scenario.stem, sut, generated),
+        "films": _films(report, out),
         "estimate": _estimate(generated.estimate),
         "statement": generated.statement.as_json(),
         "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
@@ -305,6 +328,32 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         "against": _against(report, out),
         "settings": _settings(report),
     }
+
+
+def _films(report: SearchReport, out: Path) -> list[Json]:
+    """Moving pictures of failures, first one of each region, then the counterexamples, then other members of regions."""
+    named = [
+        (f"Region {number}, {name} member", one.page, one.reproduced, one.film)
+        for name in ("likeliest", "typical")
+        for number in range(1, len(report.regions) + 1)
+        if (one := report.members.get(_member(number, name))) is not None
+    ]
+    chosen = [
+        (
+            f"The {' and '.join(each.names).replace('_', ' ')}",
+            each.replay,
+            each.reproduced,
+            each.film,
+        )
+        for each in report.counterexamples.found
+    ]
+    regions = len(report.regions)
+    films: dict[str, Json] = {}
+    for title, page_path, reproduced, film in (*named[:regions], *chosen, *named[regions:]):
+        if film is not None and reproduced:
+            play = page_path.relative_to(out).as_posix()
+            films.setdefault(film["told"], {"title": title, "play": play, "preview": film})
+    return list(films.values())[:_FILMS]
 
 
 def _estimate(found: Estimate | None) -> Json | None:

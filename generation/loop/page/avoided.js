@@ -15,21 +15,6 @@ function avoided() {
         : done.length
           ? "No run of the search succeeded"
           : "Nothing was searched";
-  const previews = shown.map(each => new Preview(each.preview, `${each.title}: ${each.preview.told}`));
-  const cards = shown.map((each, i) =>
-    el(
-      "li",
-      null,
-      el(
-        "a",
-        { href: link(each.play), "aria-label": `Play ${each.name}: ${each.preview.told}` },
-        previews[i].canvas,
-        el("strong", null, each.title),
-        el("span", null, each.preview.told),
-      ),
-    ),
-  );
-  for (const preview of previews) redraws.push(() => preview.draw(preview.last));
   const rest = found.length - shown.length;
   return el(
     "section",
@@ -45,8 +30,7 @@ function avoided() {
           : "") +
         (shown.length ? " Click one to see it whole." : ""),
     ),
-    previews.length ? playing(previews) : null,
-    el("ul", { class: "previews" }, ...cards),
+    ...shownFilms(shown),
     rest > 0 ? el("p", { class: "muted" }, `${rest} more are in the tables below.`) : null,
   );
 }

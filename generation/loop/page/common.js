@@ -3,7 +3,6 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const STATES = ["known", "discovered", "unknown"];
 const sum = numbers => numbers.reduce((a, b) => a + b, 0);
-const redraws = [];
 
 const scenarios = state => sum(data.classes.filter(each => each.state === state).map(each => each.count));
 const collided = target => sum(data.searches.filter(search => search.target === target).map(search => search.collisions ?? 0));

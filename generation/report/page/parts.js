@@ -1,5 +1,6 @@
 // What pages of generation share: counts, links, buttons that play, tables.
 
+const redraws = [];
 const many = (count, one, several = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
 const link = path => {
   const [file, hash] = path.split("#");
@@ -27,3 +28,24 @@ function table(label, columns, rows) {
 /** A cell with a number, with so many decimals where these are given. */
 const number = (value, places) =>
   el("td", { class: "number" }, typeof value === "number" && places !== undefined ? value.toFixed(places) : String(short(value)));
+
+/** Moving pictures of runs, each a link to its replay: a button that pauses them, and their list; nothing where there is none. */
+function shownFilms(films) {
+  if (!films.length) return [];
+  const previews = films.map(each => new Preview(each.preview, `${each.title}: ${each.preview.told}`));
+  const cards = films.map((each, i) =>
+    el(
+      "li",
+      null,
+      el(
+        "a",
+        { href: link(each.play), "aria-label": `Play ${each.title}: ${each.preview.told}` },
+        previews[i].canvas,
+        el("strong", null, each.title),
+        el("span", null, each.preview.told),
+      ),
+    ),
+  );
+  for (const preview of previews) redraws.push(() => preview.draw(preview.last));
+  return [playing(previews), el("ul", { class: "previews" }, ...cards)];
+}

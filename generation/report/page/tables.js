@@ -200,7 +200,7 @@ function against() {
   if (!found) return null;
   const counts = Object.entries(FATES)
     .filter(([fate]) => ["fixed", "still-there", "new"].includes(fate) || found.counts[fate])
-    .flatMap(([fate, [kind, text]]) => [badge(kind, `${found.counts[fate]} ${text}`), " "]);
+    .flatMap(([fate, [kind, text]]) => [badge(found.counts[fate] ? kind : "plain", `${found.counts[fate]} ${text}`), " "]);
   const regions = Object.entries(found.regions)
     .map(([shift, number]) => `${number} ${shift}`)
     .join(", ");

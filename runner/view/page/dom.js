@@ -15,9 +15,26 @@ function el(tag, attributes, ...children) {
 const wide = (label, ...children) =>
   el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, ...children);
 
-/** A table in such a region: cells of its head, and its body. */
-const wideTable = (label, heads, body, kind = null) =>
-  wide(label, el("table", { class: kind }, el("thead", null, el("tr", null, ...heads)), body));
+/** A table in such a region: cells of its head, and its body. On a narrow screen each row is a card, but for a kind of its own. */
+function wideTable(label, heads, body, kind = "cards") {
+  const table = el("table", { class: kind }, el("thead", null, el("tr", null, ...heads)), body);
+  if (kind === "cards") {
+    const titles = heads.filter(Boolean).map(head => head.textContent);
+    const name = () => [...body.rows].forEach(row => nameCells(row, titles));
+    name();
+    new MutationObserver(name).observe(body, { childList: true });
+  }
+  return wide(label, table);
+}
+
+/** Give the cells of a row the titles of their columns, which a card shows. */
+function nameCells(row, titles) {
+  let column = 0;
+  for (const cell of row.cells) {
+    if (column || cell.tagName === "TD") cell.dataset.title = titles[column] ?? "";
+    column += cell.colSpan;
+  }
+}
 
 /** A name that may break after each underscore, as names of parameters have no blanks. */
 const breakable = name => name.split(/(?<=_)/).flatMap(part => [part, el("wbr", null)]);

@@ -103,13 +103,15 @@ def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
     found = data(tmp_path)
     assert (found["counterexamples"], found["cases"], found["file"]) == ([], [], None)
     assert "0 failures" in found["region"]["reason"]
-    assert found["headline"][-3] == "cas has no collision in 1 run of cut_in_highway."
+    assert found["headline"][0] == "cas has no collision in 1 run of cut_in_highway."
+    assert found["films"] == []
     assert found["headline"][-2] == "1 of 1 run tested what the file describes."
     assert found["headline"][-1].startswith("No unguided draw was executed: nothing bounds")
 
 
 def test_the_headline_tells_probability_rates_and_bands() -> None:
-    first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
+    found, first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
+    assert found.startswith("cas collides in ") and found.endswith(".")
     assert first.replace("\N{NO-BREAK SPACE}", " ").startswith(
         "When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20 % (95 %"
     )
@@ -133,7 +135,8 @@ def test_an_unstable_estimate_is_no_headline() -> None:
 def test_what_is_stated_is_not_called_traffic() -> None:
     found = searched(SUT, np.array([HARD]))
     stated = replace(found, gate=found.gate._replace(replayed=None))
-    first = headline("ncap", "cas", stated)[0]
+    found, first, *_ = headline("ncap", "cas", stated)
+    assert "; nothing recorded tells how plausible they are" in found
     assert first.startswith("Where ncap has values as stated (nothing is recorded), cas collides")
 
 
@@ -160,8 +163,9 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
                 "[...document.querySelectorAll('h2')].map(each => each.textContent)"
             )
             assert [each.partition(" ")[0] for each in titles] == [
-                "How",
                 "Against",
+                "How",
+                "How",
                 "Regions",
                 "Where",
                 "Counterexamples",
@@ -169,8 +173,14 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
                 "How",
             ]
             assert browser.run("document.querySelectorAll('figure svg circle').length") == 3 * 203
+            films = "document.querySelectorAll('.headline .previews canvas').length"
+            assert browser.run(films) == len(data(folder)["films"]) > 0
             assert browser.run("document.querySelectorAll('polyline.boundary').length") > 0
             assert browser.run("document.documentElement.scrollWidth") <= width
+            cards = (
+                "[...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth)"
+            )
+            assert width > 390 or browser.run(f"{cards}.length") == 0
         assert browser.errors == []
         assert all(each.startswith(("file:", "about:")) for each in browser.requests)
     assert RunSettings().world == "sumo"

@@ -359,3 +359,41 @@ def test_points_of_the_scatter_tell_which_run_they_are(browser: Browser, batch: 
         found.add(document.querySelector('.scatter p').textContent.split(':')[0]); }
       return [...found].filter(name => name.startsWith('gaps~')).sort(); })(document.querySelector('.scatter canvas'))"""
     assert browser.run(script) == [f"gaps~00000{number}" for number in range(4)]
+
+
+def test_the_worst_runs_are_unlike_each_other(
+    batch: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = report(batch)
+    (like, *_) = (run for run in values["runs"] if run["state"] == "failed")
+    contacts = [
+        ("hard", "front at 9 m/s", 9.0),
+        ("like", "front at 8 m/s", 8.0),
+        ("side", "side", 2.0),
+    ]
+    values["runs"] = [
+        {
+            **like,
+            "name": name,
+            "impact": told,
+            "measures": {**like["measures"], "impact_speed": speed},
+        }
+        for name, told, speed in contacts
+    ]
+    monkeypatch.setattr("runner.view.report.report", lambda _: values)
+    written = write_report(batch)
+    browser.open(written)
+    rows = "document.querySelectorAll('[aria-label^=Worst] tbody tr')"
+    found = browser.run(f"[...{rows}].map(row => row.cells[0].firstChild.textContent)")
+    monkeypatch.undo()
+    write_report(batch)
+    assert found == ["hard", "side", "like"]
+
+
+def test_rows_are_cards_on_a_narrow_screen(batch: Path, browser: Browser) -> None:
+    browser.open(batch / "report.html", width=390)
+    assert (
+        browser.run("getComputedStyle(document.querySelector('.runs tbody tr')).display") == "grid"
+    )
+    assert browser.run("document.querySelector('.runs tbody td.name').dataset.title") == "run"
+    assert browser.run("document.documentElement.scrollWidth") <= 390

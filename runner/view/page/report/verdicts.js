@@ -92,11 +92,19 @@ const WORST = 5;
 /** The values of the parameters that vary, in words. */
 const given = run => data.parameters.map(name => `${name}=${short(run.parameters[name])}`).join(", ");
 
+/** Runs in their order, but the first of each scenario and cause before its likes: five of one kind would hide the others. */
+function unlike(runs) {
+  const known = new Set(),
+    kind = run => `${run.group} ${run.impact ?? cause(run)}`.replace(/-?\b\d+(\.\d+)?\b/g, "…");
+  const first = runs.filter(run => known.size < known.add(kind(run)).size);
+  return [...first, ...runs.filter(run => !first.includes(run))];
+}
+
 /** The hardest contacts, or the nearest misses where there is none. */
 function worst() {
   const hit = data.runs.filter(run => typeof run.measures.impact_speed === "number" && run.state !== "passed"),
     near = data.runs.filter(run => run.state === "passed" && typeof run.measures.min_distance === "number");
-  const runs = (hit.length ? hit : near).sort(bySeverity).slice(0, WORST);
+  const runs = unlike((hit.length ? hit : near).sort(bySeverity)).slice(0, WORST);
   if (data.runs.length < 2 || !runs.length) return null;
   const names = hit.length ? ["impact_speed", "delta_v", "fatality_risk"] : ["min_distance", "min_ttc"],
     shownColumns = names.map(id => columns.find(column => column.id === id));
