@@ -171,3 +171,15 @@ def test_an_action_under_way_at_the_end_of_the_run_says_what_is_left(
 def test_an_action_without_an_end_is_not_said_to_be_under_way(xml: str, tmp_path: Path) -> None:
     path = scenario(tmp_path, stories=story("Lead", [(0.5, xml)]), stop=2.5)
     assert rests(runner.run(path, sut=None, timestep=0.05, world="kinematic")) == []
+
+
+def test_a_trajectory_that_is_driven_back_ends_at_its_beginning(tmp_path: Path) -> None:
+    """100 m along it at the start, and 2.5 s back at 10 m/s."""
+    faced = TRAJECTORY.format("false").replace('y="-1.75"/>', 'y="-1.75" h="0"/>')
+    faced = faced.replace(
+        "<FollowTrajectoryAction>", '<FollowTrajectoryAction initialDistanceOffset="100">'
+    )
+    init = place("Ego", 600, 0) + place("Lead", 150, -10)
+    path = scenario(tmp_path, init=init, stories=story("Lead", [(0.0, faced)]), stop=2.5)
+    (remark,) = rests(runner.run(path, sut=None, timestep=0.05, world="kinematic"))
+    assert "it has reached 75.0 m before it" in remark

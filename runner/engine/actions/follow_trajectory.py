@@ -400,7 +400,7 @@ class _Following(Running):
         if motion.again is not None:
             return None
         if not self.done and not motion.left:
-            left = max((pace.length if pace is not None else motion.path.length) - motion.s, 0.0)
+            left = motion.remaining if pace is None else max(pace.length - motion.s, 0.0)
             tolerance = _END_TOLERANCE + abs(self.actor.speed) * dt
             return Rest("the end of its trajectory", f"{left:.1f} m before it", left, tolerance)
         late = max(self.run.time - pace.end, 0.0) if pace is not None else 0.0

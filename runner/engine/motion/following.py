@@ -166,6 +166,11 @@ class PathMotion:
         return speed
 
     @property
+    def remaining(self) -> float:
+        """Way (m) to its end, which is the beginning of the path on the way back."""
+        return self.s if self._back else max(self.path.length - self.s, 0.0)
+
+    @property
     def _origin(self) -> float:
         """Return the station (m) at which backward motion ends."""
         return self.path.length if self._back else 0.0
