@@ -67,6 +67,8 @@ class CriticalLimits:
 
 _GRAVEST = {"drac": 9.8, "braking": 9.0, "steering": 8.0}
 """Values (m/s²) of severity 1: the limits of tyres"""
+_STEERED = 0.27
+"""Time to collision (s) below which steering at 8 m/s² moves a vehicle aside by less than 0.3 m"""
 _SHRUNK = 0.85
 """Share of boxes that counts for contacts: recorded sizes are rough"""
 _CROSSING = np.radians(30.0)
@@ -306,13 +308,16 @@ def _encounters(
     least = max(round(limits.hold / step), 2)
     soon = ahead & ttc.valid & (ttc.value < limits.ttc)
     hard = ahead & drac.valid & (drac.value > limits.drac)
+    hopeless = ahead & ttc.valid & (ttc.value < _STEERED) & drac.valid
+    hopeless &= drac.value > _GRAVEST["drac"]
     for number, other in enumerate(others):
         own = np.flatnonzero(between.who == number)
+        apart = bool(hopeless[own].any()) and not _touch(ego, other).any()
         for name, flag, values in (("ttc", soon, ttc.value), ("drac", hard, drac.value)):
             for run in _runs(flag[own]):
                 rows = own[run]
-                if len(rows) < least:
-                    continue
+                if len(rows) < least or (apart and hopeless[rows].any()):
+                    continue  # nothing could have averted it, and nothing happened: its course was another one
                 found = values[rows]
                 at = rows[int(found.argmin() if name == "ttc" else found.argmax())]
                 value = float(values[at])
@@ -339,8 +344,7 @@ def _meeting(
     ego: MotionRows, other: MotionRows, rows: IntArray, limits: CriticalLimits
 ) -> Iterator[Exceedance]:
     """The contact with another participant, else the encroachment of paths that cross."""
-    solid, body = _smaller(ego), _smaller(other)
-    touching = relations(solid, [body])
+    touching = relations(_smaller(ego), [_smaller(other)])
     inside = touching.distance == 0.0
     if inside.any():
         if inside[0]:
@@ -362,6 +366,11 @@ def _meeting(
         yield Exceedance(
             found.time, found.time, found.time, "pet", found.value, severity, other.name
         )
+
+
+def _touch(ego: MotionRows, other: MotionRows) -> BoolArray:
+    """Rows at which two bodies touch."""
+    return np.asarray(relations(_smaller(ego), [_smaller(other)]).distance == 0.0, bool)
 
 
 def _cross(ego: MotionRows, other: MotionRows) -> bool:

@@ -11,9 +11,10 @@ import pytest
 
 from recognition.catalogue import pipeline
 from recognition.catalogue.recordings import CatalogueSettings
-from recognition.labels.critical import UNNAMED
+from recognition.labels.critical import UNNAMED, critical_moments
+from runner.recording import Recording
 from schemas.common.array_types import FloatArray
-from tests.recognition.driving import site
+from tests.recognition.driving import ahead, site, track
 from tests.recognition.traffic import interaction_rows, write_csv
 from xodr.builders import straight_highway
 
@@ -177,3 +178,16 @@ def test_severities_are_shares_and_every_unnamed_moment_says_its_measures(
     (row,) = [row for row in found if row["class"] == UNNAMED]
     assert 0.0 <= row["severity"] <= 1.0 and row["critical"].startswith("steering")
     assert (row["state"], row["trust"], row["partner"]) == ("unknown", "measures", None)
+
+
+@pytest.mark.parametrize(("aside", "measures"), [(1.75, set()), (0.5, {"ttc", "contact"})])
+def test_what_nothing_could_avert_and_did_not_happen_was_of_another_course(
+    aside: float, measures: set[str], tmp_path: Path
+) -> None:
+    """Boxes of recorded sizes overlap by 5 cm as a vehicle passes a standing one; those of one ahead collide."""
+    place = site(straight_highway(length=300.0, lanes=2), tmp_path)
+    ego = track("ego", ahead(50.0, 8.0, 6.0), RIGHT)
+    standing = track("standing", np.full(61, 80.0), RIGHT + aside, heading=0.0)
+    found = critical_moments(Recording([ego, standing], STEP, None), place)
+    assert measures <= {name for moment in found for name in moment.values}
+    assert bool(found) == bool(measures)
