@@ -311,3 +311,7 @@ def _prior(generated: Generated) -> str:
 def main() -> None:
     """Entry point of the command."""
     guarded(NAME, app)
+
+
+if __name__ == "__main__":
+    main()

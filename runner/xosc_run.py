@@ -93,7 +93,13 @@ def xosc_run(
         discard(batch.out)
     with _reporting(batch.junit, batch.junit_inconclusive) as kept:
         work = WorkDone(source)
-        outcomes = _counted(_outcomes(chosen, settings, batch, also, table.tell), work)
+        in_arrays = batch.plays_in_arrays(settings.world, lambda: source.total)
+        if in_arrays and batch.in_arrays is None and not batch.dry_run:
+            table.tell(
+                f"{source.total} sets: played in arrays, failures and nearest misses are recorded; "
+                "--no-batch runs and records each"
+            )
+        outcomes = _counted(_outcomes(chosen, settings, batch, also, table.tell, in_arrays), work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
@@ -120,6 +126,7 @@ def _outcomes(
     batch: BatchOptions,
     also: Sequence[Also],
     tell: Callable[[str], None],
+    in_arrays: bool,
 ) -> Generator[Outcome]:
     """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave out."""
     from runner.batch.batch import run_batch
@@ -129,7 +136,7 @@ def _outcomes(
 
         return rehearse_batch(chosen, settings, batch.jobs)
     together = None
-    if batch.in_arrays:
+    if in_arrays:
         from runner.batch.arrays import Together
 
         together = Together(chosen, settings, batch.out, tell)

@@ -299,3 +299,14 @@ def test_public_classes_get_names_of_their_own() -> None:
     assert {name: sorted(modules) for name, modules in homes.items() if len(modules) > 1} == {}, (
         "give one of them another name"
     )
+
+
+def test_modules_of_commands_are_commands_themselves() -> None:
+    silent = [
+        str(path.relative_to(ROOT))
+        for package in ROOMS
+        for path in sorted((ROOT / package).rglob("xosc_*.py"))
+        if "\ndef main() -> None:" in (text := path.read_text("utf-8"))
+        and 'if __name__ == "__main__":\n    main()' not in text
+    ]
+    assert silent == [], "python -m MODULE would do nothing, with exit code 0"

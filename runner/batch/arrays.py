@@ -267,7 +267,9 @@ class Together:
                 self.disagreements += 1
                 self._tell(f"{outcome.job.name}: failed in arrays, {outcome.state} one by one")
             yield outcome
-        told = f"{self._passed} sets passed in arrays, {len(self._failed)} failed there"
+        told = (
+            f"{self._passed} sets passed in arrays, kinematically, {len(self._failed)} failed there"
+        )
         self._tell(f"{told}, of which {self.disagreements} did not fail one by one")
 
     def _settle(self, jobs: list[Job]) -> Iterator[Job | Outcome]:

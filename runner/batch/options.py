@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -36,6 +36,10 @@ def complete_parameter(context: Context, incomplete: str) -> list[str]:
         return []
     pairs = {f"{one.name}={one.value}": None for each in listed for one in each.parameters}
     return [pair for pair in pairs if pair.startswith(incomplete)]
+
+
+MANY = 200
+"""Parameter sets from which on they are played in arrays where nothing needs each run"""
 
 
 @dataclass(frozen=True)
@@ -123,10 +127,11 @@ class BatchOptions:
         shared=True,
     )
     jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N", shared=True)
-    in_arrays: bool = option(
-        False,
-        "Play parameter sets in arrays where all elements can; record failures and nearest misses only.",
-        "--batch",
+    in_arrays: bool | None = option(
+        None,
+        "Play parameter sets in arrays, kinematically, where all elements can; record failures and nearest misses only. "
+        "By default from 200 sets on in the kinematic world.",
+        "--batch/--no-batch",
     )
     ray: str | None = option(
         None,
@@ -144,6 +149,18 @@ class BatchOptions:
     def limits(self) -> tuple[str, ...]:
         """Limits of `fail_if`, without blanks around."""
         return tuple(limit.strip() for limit in self.fail_if)
+
+    def plays_in_arrays(self, world: str, sets: Callable[[], int]) -> bool:
+        """Whether parameter sets are played in arrays: where asked for, or where these are many and nothing needs each run.
+
+        Args:
+            world: of the runs; arrays are kinematic.
+            sets: gives the number of sets.
+        """
+        if self.in_arrays is not None:
+            return self.in_arrays
+        each_run = (self.resume, self.plot, self.replay, self.osi, self.gui, self.ray, self.assess)
+        return world == "kinematic" and not any(each_run) and sets() >= MANY
 
     def __post_init__(self) -> None:
         if self.out is None and (self.resume or self.plot):

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -13,6 +14,7 @@ from benchmarks.arrays import compare, differences, drawn, played, scenario_of
 from runner.batch.arrays import NEAREST, Together, obstacle, structures
 from runner.batch.batch import run_batch, runnable
 from runner.batch.jobs import Outcome, jobs_of
+from runner.batch.options import BatchOptions
 from runner.judging.settings import RunSettings
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
@@ -169,7 +171,7 @@ def test_a_batch_in_arrays_has_the_verdicts_of_one_by_one_and_records_few(tmp_pa
         name: each.state for name, each in singly.items()
     }
     assert told == [
-        f"{20 - len(failed)} sets passed in arrays, {len(failed)} failed there, "
+        f"{20 - len(failed)} sets passed in arrays, kinematically, {len(failed)} failed there, "
         "of which 0 did not fail one by one"
     ]
 
@@ -206,6 +208,7 @@ def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) 
 
 PLUGIN = """
 from pathlib import Path
+from typing import Any
 from runner.systems import Control
 class Noted:
     def reset(self, ego, timestep, seed):
@@ -244,3 +247,20 @@ def test_sets_of_scenarios_with_other_parameters_are_in_one_table(tmp_path: Path
     rows = pq.read_table(out / "sets.parquet").to_pylist()
     assert len(rows) == 21 <= len(played_jobs)
     assert [len(row["parameters"]) for row in rows] == [0, *[2] * 20]
+
+
+@pytest.mark.parametrize(
+    ("asked", "world", "sets", "chosen"),
+    [
+        ({}, "kinematic", 200, True),
+        ({}, "kinematic", 199, False),
+        ({}, "sumo", 1000, False),  # arrays are kinematic, and the world is not changed in silence
+        ({"in_arrays": True}, "sumo", 2, True),
+        ({"in_arrays": False}, "kinematic", 1000, False),
+        ({"ray": "local"}, "kinematic", 1000, False),
+    ],
+)
+def test_many_sets_are_played_in_arrays_where_nothing_needs_each_run(
+    asked: dict[str, Any], world: str, sets: int, chosen: bool
+) -> None:
+    assert BatchOptions(**asked).plays_in_arrays(world, lambda: sets) == chosen
