@@ -95,7 +95,9 @@ def xosc_export(
 
     target = target_of(to)
     if target is None:
-        raise UsageError(f"there is no target {to!r}; {nearest(to, TARGETS)} --targets lists all")
+        raise UsageError(
+            f"there is no target {to!r}; {nearest(to, TARGETS)} (--targets explains them)"
+        )
     sources = _sources(paths)
     selection = selection_of(only, sample, settings.seed, sources)
     if target.of_run:

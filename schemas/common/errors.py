@@ -169,6 +169,13 @@ def blame(error: BaseException, module: str) -> str:
     """
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
+    if isinstance(error, AttributeError) and getattr(error.obj, "__name__", None) == module:
+        own_classes = [
+            name
+            for name, value in vars(error.obj).items()
+            if isinstance(value, type) and value.__module__ == module
+        ]
+        return f"it has no class {error.name!r}; {nearest(str(error.name), own_classes)}"
     file = _file_of(module)
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     return f"{type(error).__name__}: {error}" + (

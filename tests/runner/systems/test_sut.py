@@ -105,7 +105,7 @@ def test_an_instance(tmp_path: Path) -> None:
         (":", "no system"),
         ("a b:C", "no system"),
         ("absent_module:Class", "No module named 'absent_module'"),
-        (f"{__name__}:Absent", "no attribute 'Absent'"),
+        (f"{__name__}:Absent", "it has no class 'Absent'"),
         (f"{__name__}:NOT_A_CLASS", "is not a class"),
         (f"{__name__}:NeedsArguments", "can't be built: TypeError"),
         ("pathlib:Path", "has no method reset"),
@@ -127,6 +127,15 @@ def test_a_module_with_an_error_in_it_is_named(
         find_system("unfinished_system:X,brake=4")
     with pytest.raises(UsageError, match="'unfinished_system:X' can't be imported: SyntaxError"):
         find_system("unfinished_system:X")
+
+
+def test_a_class_that_a_module_lacks_is_named_with_the_most_similar_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "half_system.py").write_text("class HalfSpeed: pass")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(UsageError, match="it has no class 'Half'; did you mean 'HalfSpeed'"):
+        find_system("half_system:Half")
 
 
 # those that fail ----------------------------------------------------------------------------
