@@ -312,7 +312,12 @@ def _encounters(
     hopeless &= drac.value > _GRAVEST["drac"]
     for number, other in enumerate(others):
         own = np.flatnonzero(between.who == number)
-        apart = bool(hopeless[own].any()) and not _touch(ego, other).any()
+        apart = False
+        if (soon | hard)[own].any():
+            touching = _touch(ego, other)
+            if touching[:1].any():
+                continue  # they overlap from the beginning: sizes or places are wrong
+            apart = not touching.any()
         for name, flag, values in (("ttc", soon, ttc.value), ("drac", hard, drac.value)):
             for run in _runs(flag[own]):
                 rows = own[run]

@@ -191,3 +191,11 @@ def test_what_nothing_could_avert_and_did_not_happen_was_of_another_course(
     found = critical_moments(Recording([ego, standing], STEP, None), place)
     assert measures <= {name for moment in found for name in moment.values}
     assert bool(found) == bool(measures)
+
+
+def test_measures_of_vehicles_that_overlap_from_the_beginning_are_none(tmp_path: Path) -> None:
+    """Sizes or places are wrong there; the ego passes the other one at 5 m/s."""
+    place = site(straight_highway(length=300.0, lanes=2), tmp_path)
+    ego = track("ego", ahead(50.0, 5.0, 6.0), RIGHT)
+    other = track("other", ahead(52.0, 1.0, 6.0), RIGHT + 0.5)
+    assert critical_moments(Recording([ego, other], STEP, None), place) == []
