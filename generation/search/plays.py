@@ -15,6 +15,7 @@ from runner.batch.jobs import Job
 from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
 from runner.judging.measures.contacts import first_impact
+from runner.judging.measures.relations import MotionRows
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
@@ -24,6 +25,8 @@ _BLOCK = 4096
 """Points that are played at a time: episodes are short, and more at a time cost less each"""
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
+_AROUND = 5
+"""Instants before and after a contact that say how it came about"""
 _UNTESTED = "it did not test what the file describes"
 
 
@@ -90,6 +93,14 @@ class ArrayPlays:
         return {name: str(value) for name, value in values.items()}
 
 
+def _motions(
+    outcomes: BatchOutcomes, row: int, instants: slice
+) -> tuple[MotionRows, list[MotionRows]]:
+    """The ego of a run at some instants, and everyone else."""
+    ego, *others = (outcomes.motion(name, row, instants) for name in outcomes.motions)
+    return ego, others
+
+
 def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
     """Columns of `Outcomes` of runs in arrays (n,)."""
     measured = outcomes.measured(parameter_set(rss), RISK_WINDOW)
@@ -112,10 +123,12 @@ def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
     }
     for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict"):
         found[name] = np.where(untested, NOTHING[name], found[name])
-    names = list(outcomes.motions)
     for row in np.flatnonzero(failed).tolist():
-        ego = outcomes.motion(names[0], row)
-        impact = first_impact(ego, [outcomes.motion(name, row) for name in names[1:]])
+        contact = int(outcomes.contact[row] / outcomes.dt)
+        around = slice(max(contact - _AROUND, 0), contact + _AROUND)
+        impact = first_impact(*_motions(outcomes, row, around)) or first_impact(
+            *_motions(outcomes, row, slice(None))
+        )
         if impact is not None:
             found["impact_speed"][row], found["side"][row] = impact.speed, impact.side
             found["striking"][row] = impact.striking

@@ -24,7 +24,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from schemas.common.errors import ExitCode, ToolchainError, similar
 from schemas.expressions.values import quoted
@@ -127,7 +127,11 @@ def finite(value: Number, operator: str) -> Number:
     """Integers that a double does not hold exactly become doubles, which bounds their size."""
     if isinstance(value, int):
         return value if -EXACT_INTEGERS < value < EXACT_INTEGERS else float(value)
-    if not -LARGEST <= value <= LARGEST:
+    if isinstance(value, float):
+        bounded = -LARGEST <= value <= LARGEST
+    else:  # numbers of many parameter sets
+        bounded = bool((abs(value) <= LARGEST).all())
+    if not bounded:
         raise ExpressionError(f"the result of {operator!r} is too large")
     return value
 
@@ -350,6 +354,8 @@ def _shown(value: Value, node: Node) -> str:
 
 def _number(value: Value, operator: str, node: Node) -> Number:
     if isinstance(value, bool) or not isinstance(value, int | float):
+        if hasattr(value, "dtype"):  # numbers of many parameter sets
+            return value  # type: ignore[return-value]
         raise ExpressionError(f"{operator!r} needs a number, not {_shown(value, node)}")
     if not -LARGEST <= value <= LARGEST:
         raise ExpressionError(f"{operator!r} needs a finite number")
@@ -388,6 +394,23 @@ def evaluate(text: str, lookup: Lookup) -> Value:
         raise ExpressionError(f"{_quoted(text)} divides by zero") from None
     except ExpressionError as error:
         raise ExpressionError(f"{_quoted(text)}: {error.message}") from None
+
+
+def evaluate_columns(text: str, lookup: Callable[[str], Any]) -> Any:
+    """Values of an expression in many parameter sets (n,); None where they can't be worked out at once.
+
+    Args:
+        text: the expression.
+        lookup: gives the parameters' values: as of `evaluate`, or arrays of numbers (n,).
+    """
+    import numpy as np
+
+    try:
+        with np.errstate(all="ignore"):
+            found = parse(_strip(text)).node(lookup)
+    except (TypeError, ValueError, ArithmeticError, KeyError, ToolchainError):
+        return None
+    return found if isinstance(found, np.ndarray) else None
 
 
 def references(text: str) -> set[str]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from schemas.common.array_types import BoolArray
+from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import ToolchainError
 from schemas.expressions.values import MARK
 
@@ -29,6 +29,11 @@ class NumberColumn(np.ndarray[Any, np.dtype[np.float64]]):
     As a truth value or an integer it is that of the first set, and sets that differ are no longer
     `Columns.alike`. It is no float: functions of `math` refuse it.
     """
+
+    @property
+    def values(self) -> FloatArray:
+        """The numbers (n,)."""
+        return self.view(np.ndarray)
 
     def __bool__(self) -> bool:
         return bool(_agreed(self.view(np.ndarray) != 0))

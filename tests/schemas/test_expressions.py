@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,7 @@ from schemas.expressions import (
     FUNCTIONS,
     ExpressionError,
     evaluate,
+    evaluate_columns,
     functions,
     is_expression,
     literal,
@@ -229,3 +231,15 @@ def test_any_text_is_substituted_or_refused(text):
     for each in (text, "${" + text + "}"):
         with suppress(ExpressionError):
             assert isinstance(substitute(each, lookup), str)
+
+
+def test_values_of_many_sets_are_those_of_each() -> None:
+    columns = {"a": np.array([3.0, -0.1, 7.5]), "b": np.array([0.3, 5.0, 1e-3])}
+    for text in ("${$a * 3 - $b / $a}", "${-($a + 2) * $b}"):
+        found = evaluate_columns(text, columns.__getitem__)
+        for row, value in enumerate(found):
+            assert value == evaluate(text, {name: each[row] for name, each in columns.items()}.get)
+    for text in ("${$a % $b}", "${round($a)}"):
+        assert evaluate_columns(text, columns.__getitem__) is None, "of single numbers"
+    assert evaluate_columns("${1 / ($a - 3)}", columns.__getitem__) is None, "one divides by zero"
+    assert evaluate_columns("${0 / (1e308 * 10 * $a)}", columns.__getitem__) is None

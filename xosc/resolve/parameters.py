@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from schemas.common.errors import ToolchainError, nearest
 from schemas.common.remarks import Remark, Remarks
@@ -19,6 +19,7 @@ from schemas.expressions import (
     ExpressionError,
     UnknownParameter,
     evaluate,
+    evaluate_columns,
     is_expression,
     is_wellformed,
     references,
@@ -195,6 +196,9 @@ class ParameterScope:
 
         columns = current()
         visible = self._visible
+        together = self._together(text)
+        if together is not None and (together != together[0]).any():
+            return columns.mark(together)
 
         def of(number: int) -> Value:
             def lookup(name: str) -> float | int | bool | str:
@@ -205,6 +209,18 @@ class ParameterScope:
 
         found = columns.each(of)
         return found if isinstance(found, str) else expression_literal(found)
+
+    def _together(self, text: str) -> Any:
+        """Values of an expression in all parameter sets, evaluated at once; None where that is not plain arithmetic.
+
+        What is refused in one of the sets is left to the evaluation of each.
+        """
+
+        def lookup(name: str) -> Any:
+            column = self._visible[name].column
+            return self._operand(name) if column is None else column.values
+
+        return evaluate_columns(text, lookup)
 
     def violations(self) -> Iterator[ToolchainError]:
         """An error for each parameter declared here whose constraints don't hold.
@@ -297,12 +313,11 @@ def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
     from schemas.expressions.columns import current
 
     columns = current()
-    limits = columns.of(text).tolist() if text.startswith(MARK) else [number(text)] * columns.n
-    column = parameter.column
-    values = [parameter.value] * columns.n if column is None else column.tolist()
-    held = [holds(rule, value, limit) for value, limit in zip(values, limits, strict=True)]
+    limit: Any = columns.of(text).values if text.startswith(MARK) else number(text)
+    value: Any = parameter.value if parameter.column is None else parameter.column.values
+    held = holds(rule, value, limit)
     columns.agree(held)
-    return held[0]
+    return bool(held[0])  # type: ignore[index]
 
 
 def _in_many_sets(

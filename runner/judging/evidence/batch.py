@@ -55,8 +55,8 @@ class BatchOutcomes:
         end_time: s.
         contact: time (s) of the ego's first contact; infinite without one.
         partner: name of the participant touched; empty without one.
-        motions: of each participant by name: x, y, z, h, speed, s, t (n, steps, 7), as far as they
-            are known, and the key of the road at each instant (n, steps); the ego's first.
+        motions: of each participant by name: x, y, z, h, speed, s, t (7, steps, n), as far as they
+            are known, and the key of the road at each instant (steps, n); the ego's first.
         roads: ids of roads by key.
         steps: number of instants of each run.
     """
@@ -73,13 +73,13 @@ class BatchOutcomes:
     network: Any = field(repr=False)
     dt: float
 
-    def motion(self, name: str, run: int) -> MotionRows:
-        """Motion of a participant in a run."""
-        count = int(self.steps[run])
+    def motion(self, name: str, run: int, instants: slice = slice(None)) -> MotionRows:
+        """Motion of a participant in a run, at all or some of its instants."""
+        rows = np.arange(int(self.steps[run]))[instants]
         values, roads = self.motions[name]
-        columns = dict(zip(_FRAME, values[run, :count].T.copy(), strict=True))
-        time = np.round(np.arange(count) * self.dt, 9)
-        keys, inverse = np.unique(roads[run, :count], return_inverse=True)
+        columns = dict(zip(_FRAME, values[:, rows, run], strict=True))
+        time = np.round(rows * self.dt, 9)
+        keys, inverse = np.unique(roads[rows, run], return_inverse=True)
         road = np.array([*map(self.roads.get, keys.tolist()), None], object)[inverse]
         hint = None
         for row in np.flatnonzero(keys[inverse] == 0) if self.network is not None else ():
@@ -110,10 +110,11 @@ class BatchOutcomes:
     ) -> MotionRows:
         """Rows of a participant in some runs, one after the other, with codes of roads for their ids."""
         values, roads = self.motions[name]
-        steps = np.arange(values.shape[1])
+        steps = np.arange(int(sizes.max()))
         there = steps < sizes[:, None]
-        columns = dict(zip(_FRAME, values[chosen][there].T.copy(), strict=True))
-        keys, inverse = np.unique(roads[chosen][there], return_inverse=True)
+        parts = values[:, : len(steps), chosen]
+        columns = {name: part.T[there] for name, part in zip(_FRAME, parts, strict=True)}
+        keys, inverse = np.unique(roads[: len(steps), chosen].T[there], return_inverse=True)
         known = [codes.get(self.roads.get(key, ""), -1) for key in keys.tolist()]
         road: Any = np.array(known)[inverse]
         number, hint = np.broadcast_to(steps, there.shape)[there], None
@@ -205,7 +206,8 @@ class BatchJudge:
         for each, (values, roads) in zip(everyone, frames, strict=True):
             if each.name in put:
                 rows = put[each.name]
-                values[rows], roads[rows] = (part[rows] for part in _frame(each))
+                now, there = _frame(each)
+                values[:, rows], roads[rows] = now[:, rows], there[rows]
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""
@@ -259,6 +261,8 @@ class BatchJudge:
 
     def _open_end(self, run: BatchSimulation, row: Any) -> bool:
         """Whether a run ended so shortly before a contact of the ego that no brake avoids it."""
+        if self._reserve <= 0.0:
+            return False
         own = _spot(run.ego, row)
         found = [
             next_contact(own, _spot(each, row), each.name)
@@ -272,13 +276,13 @@ class BatchJudge:
         n, steps = len(self._sets), len(self._frames)
         everyone = [run.ego, *(each for each in run.entities.values() if each is not run.ego)]
         motions = {
-            each.name: (np.zeros((n, steps, len(_FRAME))), np.zeros((n, steps), np.int64))
+            each.name: (np.zeros((len(_FRAME), steps, n)), np.zeros((steps, n), np.int64))
             for each in everyone
         }
         for step, (at, frames) in enumerate(self._frames):
             for each, (values, roads) in zip(everyone, frames, strict=True):
-                motions[each.name][0][at, step] = values
-                motions[each.name][1][at, step] = roads
+                motions[each.name][0][:, step, at] = values
+                motions[each.name][1][step, at] = roads
         return BatchOutcomes(
             self._outcome,
             self._status,
@@ -295,7 +299,7 @@ class BatchJudge:
 
 
 def _frame(rows: EntityRows) -> tuple[FloatArray, IntArray]:
-    return np.array([getattr(rows, name) for name in _FRAME]).T, rows.road_key.copy()
+    return np.array([getattr(rows, name) for name in _FRAME]), rows.road_key.copy()
 
 
 def _road_names(run: BatchSimulation) -> dict[int, str]:

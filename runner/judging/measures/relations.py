@@ -253,7 +253,7 @@ def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Float
     jumps[1:] |= motion.road[1:] != motion.road[:-1]
     turns = np.where(jumps, 0.0, np.sign(np.diff(motion.s, prepend=0.0)) * np.sign(motion.speed))
     known = np.concatenate([[-1], np.flatnonzero(turns), [len(who)]])
-    place = np.searchsorted(known, rows, side="right")
+    place = 1 + np.cumsum(turns != 0.0)[rows]
     last, following = known[place - 1], np.minimum(known[place], len(who) - 1)
     before, after = (
         (last >= 0) & (who[last] == who[rows]),
