@@ -250,10 +250,12 @@ class OutcomeTable:
 
 
 def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
-    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line."""
+    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line; shares of times follow from these."""
     from runner.batch.outputs.report import evidence_text  # needs lxml
 
-    told = (each for each in evidence if each["unit"] != "yes")
+    told = (
+        each for each in evidence if each["unit"] != "yes" and not each["name"].endswith("_share")
+    )
     return ", ".join(
         f"{each['name'].removesuffix('_seconds')} {evidence_text(each)}" for each in told
     )
