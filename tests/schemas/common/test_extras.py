@@ -170,3 +170,14 @@ def test_the_search_needs_no_torch() -> None:
     program = BLOCKED.format(blocked={"torch", "skops", "safetensors"}).partition("from recog")[0]
     modules = "generation.loop.loop, generation.report.report, generation.search.methods.cover"
     subprocess.run([sys.executable, "-c", f"{program}import {modules}"], check=True)
+
+
+def test_a_model_that_lacks_all_libraries_names_the_extra_with_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    for library in ("threadpoolctl", "safetensors", "torch"):
+        monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, "recognition.catalogue.model", raising=False)
+    answer = command("xosc-recognize", tmp_path, "--labels", "model", "--out", tmp_path / "out")
+    assert answer.code == 2
+    assert 'type: pip install "xosc-toolchain[recognition]"' in answer.err
