@@ -276,7 +276,8 @@ def _recogniser(
         return ByRules, "no model is shipped: the rules label alone"
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
-    packages.optional("safetensors")  # else a library that the extra `search` brings, too, names that one
+    # else a library that the extra `search` brings as well would name that one
+    packages.optional("safetensors")
     from recognition.catalogue.model import (  # needs the extra, which rules do not
         objection,
         unseen_sites,

@@ -250,7 +250,7 @@ class OutcomeTable:
 
 
 def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
-    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line; shares of times follow from these."""
+    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line, without shares of times."""
     from runner.batch.outputs.report import evidence_text  # needs lxml
 
     told = (
