@@ -7,7 +7,9 @@ function headline() {
     "section",
     { class: "panel headline" },
     el("p", null, found),
-    films.length ? el("p", { class: "muted" }, "Failures told apart, each shortly before the conflict. Click one to see it whole.") : others[0],
+    films.length
+      ? el("p", { class: "muted" }, "Failures told apart, each shortly before the conflict. Click one to see it whole.")
+      : others[0],
     ...films,
   );
 }

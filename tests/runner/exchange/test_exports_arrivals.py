@@ -230,4 +230,5 @@ def test_delays_in_files_for_carla_stay_as_scenario_runner_reads_them(tmp_path: 
         path.read_text("utf-8").replace('description="test"', 'description="CARLA:test"'), "utf-8"
     )
     copy, _ = exported(path, "carla", tmp_path / "out")
-    assert {each.get("delay") for each in xosc.load(copy).root.iter("Condition")} == {"2"}
+    starts = xosc.load(copy).root.iter("StartTrigger")
+    assert {each.get("delay") for start in starts for each in start.iter("Condition")} == {"2"}
