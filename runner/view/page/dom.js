@@ -15,7 +15,7 @@ function el(tag, attributes, ...children) {
 const wide = (label, ...children) =>
   el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, ...children);
 
-/** A table in such a region: cells of its head, and its body. Each row is a card on a narrow screen, but for a kind of its own. */
+/** A table in such a region: cells of its head, and its body. On a narrow screen rows are cards, but for a kind of its own. */
 function wideTable(label, heads, body, kind = "cards") {
   const table = el("table", { class: kind }, el("thead", null, el("tr", null, ...heads)), body);
   if (kind === "cards") {
