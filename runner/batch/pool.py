@@ -21,6 +21,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, chdir, suppress
 from functools import partial
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
@@ -168,18 +169,21 @@ class Pool:
 def dismiss(pool: ProcessPoolExecutor) -> None:
     """End processes, with a few seconds for jobs that are in work; the others are cancelled."""
     workers = [*(pool._processes or {}).values()]
+    ended = threading.Event()
 
     def terminate() -> None:
-        for worker in workers:
-            worker.terminate()
+        for end in (BaseProcess.terminate, BaseProcess.kill):  # one that begins may miss the first
+            if ended.wait(_ENDING):
+                return
+            for worker in workers:
+                with suppress(OSError):
+                    end(worker)
 
-    timer = threading.Timer(_ENDING, terminate)
-    timer.daemon = True
-    timer.start()
+    threading.Thread(target=terminate, daemon=True).start()
     try:
         pool.shutdown(wait=True, cancel_futures=True)
     finally:
-        timer.cancel()
+        ended.set()
 
 
 def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:

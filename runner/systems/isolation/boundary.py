@@ -50,10 +50,10 @@ from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, Usag
 from schemas.common.storage import Stamp, stamp
 
 _BOOT = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle = sys.argv.pop(1); "
-    "sys.argv[:] = sys.argv[1:]; from runner.systems.isolation.child import serve; serve(handle)"
+    "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle, parent = sys.argv[1:3]; "
+    "sys.argv[:] = sys.argv[3:]; from runner.systems.isolation.child import serve; serve(handle, parent)"
 )
-"""Program of the process; its arguments are the path of imports, the socket and the name of the system"""
+"""Program of the process; its arguments are the path of imports, the socket, this process and the name of the system"""
 _LOOK = 1.0
 """Time (s) between looks whether a process that does not answer still runs"""
 _LEAVING = 2.0
@@ -90,7 +90,7 @@ class _SystemProcess:
             os.set_handle_inheritable(other.fileno(), True)  # type: ignore[attr-defined]
             flag = subprocess.CREATE_NEW_PROCESS_GROUP  # type: ignore[attr-defined]
             group = {"creationflags": flag, "close_fds": False}
-        arguments = [json.dumps(sys.path), str(other.fileno()), name]
+        arguments = [json.dumps(sys.path), str(other.fileno()), str(os.getpid()), name]
         with other:
             try:
                 self._process = subprocess.Popen(

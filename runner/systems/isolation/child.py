@@ -63,13 +63,14 @@ _TOLD = 10_000
 """Characters of an error, and the last ones of its traceback, that are sent"""
 
 
-def serve(handle: int | str) -> None:
+def serve(handle: int | str, parent: int | str) -> None:
     """Answer messages until the other side closes.
 
     Args:
         handle: number of the socket that was inherited.
+        parent: number of the process that started this one; it may have ended since.
     """
-    _watch()
+    _watch(int(parent))
     connection = FrameConnection(socket.socket(fileno=int(handle)), None, "the run", _LONGEST)
     server, process = _Server(), os.getpid()
     while True:
@@ -91,10 +92,9 @@ def serve(handle: int | str) -> None:
             os._exit(1)  # a copy that the system has forked
 
 
-def _watch() -> None:
+def _watch(parent: int) -> None:
     """End this process, and its group, soon after the one that started it."""
     if os.name == "posix":
-        parent = os.getppid()
 
         def look() -> None:
             while os.getppid() == parent:
