@@ -388,7 +388,7 @@ class FullBraking:
             self._states = np.full((*now.shape[:2], len(self._active)), np.nan)
         speed, x, y, _, h = before = self._states[:, :, run]
         active = np.abs(now[0] - speed) > _CHANGED
-        # who goes where he faces keeps his place in a lane, unless that bends: it is looked up
+        # motion along the heading keeps the place in a straight lane; other motion is looked up
         aside = (now[2] - y) * np.cos(h) - (now[1] - x) * np.sin(h)
         waiting = ~self._active[run] & ~active.any(axis=0)
         for who, row in zip(*np.nonzero((np.abs(aside) > _CHANGED / 2) & waiting), strict=True):

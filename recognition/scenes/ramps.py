@@ -300,7 +300,7 @@ class _Ramps:
                     yield gore
 
     def _last_beside(self, one: int, other: int, onward: list[list[int]]) -> bool:
-        """Whether no place that follows has beside it one that follows the other place."""
+        """Whether two places side by side are the last ones: none of their followers are side by side."""
         following = {other, *onward[other]}
         following.update(after for each in onward[other] for after in onward[each])
         nexts = [after for each in onward[one] for after in (each, *onward[each])]

@@ -1,4 +1,4 @@
-"""Any table (CSV, Parquet, Feather) whose columns a TOML file declares: `columns.toml` or `NAME.columns.toml` beside `NAME.csv`.
+"""Tables (CSV, Parquet, Feather) with columns that a TOML file declares: `columns.toml` or `NAME.columns.toml` beside `NAME.csv`.
 
 Tables of the file: `columns` (names of columns; `track`, `time`, `x` and `y` are needed), `units`,
 `frame`, `categories`; `step` is the time from frame to frame, s. Nothing is guessed but the step:

@@ -450,7 +450,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
 
 
 def _tagged(root: etree._Element) -> str:
-    """The type of roads in OpenDRIVE that a scenario's tags tell: elements from 2020a on, words of an attribute before."""
+    """Type of roads, as in OpenDRIVE, from the tags of a scenario: elements from 2020a on, words of an attribute before."""
     tags = {str(tag.tag) for tag in root.iterfind("scenarioTags/*")} | set(
         (root.get("tags") or "").split()
     )

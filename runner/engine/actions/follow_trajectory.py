@@ -376,7 +376,7 @@ class _Waiting(Running):
         return None
 
     def stop(self) -> None:
-        """As the follower."""
+        """End the following; a trajectory that has not begun is a remark."""
         if not self.put:
             self.rest()
         self.following.stop()

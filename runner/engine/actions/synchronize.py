@@ -141,7 +141,7 @@ class _WayAhead:
     the lap, more than half of which hides it from distances by the shorter way.
 
     Attributes:
-        left: m; negative once passed, None where there is no way.
+        left: way to the target, m; negative once passed, None where there is no way.
     """
 
     __slots__ = ("_lap", "_target", "entity", "left")

@@ -115,6 +115,21 @@ def test_a_signal_that_a_library_has_kept_ends_the_command_at_the_next_file() ->
         pass
 
 
+def ignore_the_end(job: Job) -> Outcome:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    return sleep(job)
+
+
+def test_a_process_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runner.batch.pool._ENDING", 0.3)
+    with Pool(1, ignore_the_end, lost) as pool:
+        outcomes = pool.execute(jobs(0.0, 60.0))
+        next(outcomes)
+        begin = time.monotonic()
+        outcomes.close()  # type: ignore[attr-defined]
+        assert time.monotonic() - begin < 10.0
+
+
 def start_method() -> str:
     return multiprocessing.get_start_method()
 
