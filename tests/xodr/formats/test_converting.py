@@ -13,6 +13,7 @@ import pytest
 import xodr
 from schemas.common import fates
 from schemas.common.errors import InvalidFile, UsageError
+from tests.commands import Command
 from tests.runner.matrix_case import road
 from xodr.builders.elements import (
     LaneDesign,
@@ -315,3 +316,17 @@ def test_info_says_what_is_there(source: Path) -> None:
     assert about.corner == pytest.approx((48.09, 11.55), abs=0.1)
     assert sum(about.lengths.values()) == pytest.approx(sum(
         lane.length for lane in of_network(xodr.load(source)).lanes.values()))  # fmt: skip
+
+
+@pytest.mark.parametrize("call", ["convert", "show"])
+def test_the_command_replaces_a_file_when_it_is_asked_to(
+    call: str, tmp_path: Path, command: Command
+) -> None:
+    out = tmp_path / {"convert": "map.geojson", "show": "map.html"}[call]
+    out.write_text("mine")
+    asked = ("xosc-road", call, LIBRARY / "sharp_curve.xodr", "--out", out)
+    refused = command(*asked)
+    assert refused.code == 2 and "--overwrite replaces it" in refused.err
+    assert out.read_text() == "mine"
+    assert command(*asked, "--overwrite").code == 0
+    assert out.stat().st_size > 1000

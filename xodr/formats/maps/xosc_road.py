@@ -19,10 +19,10 @@ from schemas.common.terminal.command_line import (
     epilog,
     guarded,
     new_app,
-    out_folder,
     protected,
     say,
 )
+from schemas.common.terminal.options import WRITTEN
 
 if TYPE_CHECKING:
     from xodr.formats.maps.comparing import MapDifference
@@ -46,9 +46,17 @@ Origin = Annotated[
         metavar="LAT,LON", help="Origin (degrees) of the UTM coordinates of a Lanelet2 map."
     ),
 ]
-OutFile = Annotated[Path, out_folder("File to write; its name says the format.")]
-RoadOut = Annotated[Path, out_folder("The OpenDRIVE file to write.")]
-Page = Annotated[Path | None, out_folder("Write a page that draws both maps over each other.")]
+OutFile = Annotated[
+    Path, WRITTEN, typer.Option(metavar="FILE", help="File to write; its name says the format.")
+]
+RoadOut = Annotated[
+    Path, WRITTEN, typer.Option(metavar="FILE", help="The OpenDRIVE file to write.")
+]
+Page = Annotated[
+    Path | None,
+    WRITTEN,
+    typer.Option(metavar="FILE", help="Write a page that draws both maps over each other."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Within = Annotated[
     float | None,
@@ -186,7 +194,12 @@ def info_command(
 def show_command(
     path: Source,
     out: Annotated[
-        Path, out_folder("File to write: .html for a page, .png, .svg or .pdf for a picture.")
+        Path,
+        WRITTEN,
+        typer.Option(
+            metavar="FILE",
+            help="File to write: .html for a page, .png, .svg or .pdf for a picture.",
+        ),
     ],
     origin: Origin = None,
     overwrite: Overwrite = False,
