@@ -25,7 +25,7 @@ install: $(DEVELOPMENT)
 demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## edge cases of adas in out/demo/index.html; adas beside cas in out/demo_cas/history.html
 	rm -rf out/demo out/demo_cas
 	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut adas --labels rules --budget 40 --rounds 1 --most 4 --shown 2 --sample 10
-	-$(BIN)/xosc-run generation/loop/demo/scenarios --sut cas --sample 10 --quiet --out out/demo_cas --replay
+	$(BIN)/xosc-run generation/loop/demo/scenarios --sut cas --sample 10 --quiet --out out/demo_cas --replay || test $$? -eq 1  # cas fails some
 	$(BIN)/xosc-replay out/demo/scenarios out/demo_cas
 
 # What no target runs.
