@@ -45,6 +45,7 @@ def _linear(p: float) -> float:
 
 
 def _cubic(p: float) -> float:
+    # No slope at both ends; steepest, 1.5, in the middle (DynamicsShape `cubic`).
     return p * p * (3.0 - 2.0 * p)
 
 
@@ -72,6 +73,8 @@ class TransitionShape(NamedTuple):
 
 
 SHAPES: dict[str, TransitionShape] = {
+    # The second derivative of the cubic stands in for that of the line, which is infinite at its
+    # ends.
     "linear": TransitionShape(_linear, 1.0, 6.0),
     "cubic": TransitionShape(_cubic, 1.5, 6.0),
     "sinusoidal": TransitionShape(_sinusoidal, math.pi / 2, math.pi**2 / 2),
@@ -110,6 +113,7 @@ class TransitionDynamics(NamedTuple):
         """
         dimension = node.choice("dynamicsDimension", DIMENSIONS)
         value = node.float("value")
+        # Before the sign is checked: other values must not be negative.
         if dimension == "rate":
             value = abs(value)
         if value < 0.0:
@@ -125,6 +129,8 @@ class TransitionDynamics(NamedTuple):
         if self.shape.slope == 0.0 or change == 0.0:
             return 0.0
         if self.dimension == "rate":
+            # The rate is the greatest one of the transition: a curved shape is steeper in its
+            # middle and so takes longer than a line.
             return self.shape.slope * abs(change) / self.value if self.value > 0.0 else math.inf
         return self.value
 
@@ -148,6 +154,7 @@ class TransitionDynamics(NamedTuple):
             duration = np.divide(duration, mean, out=duration.copy(), where=duration > 0.0)
         if self.strict:
             return duration
+        # Away from standstill, in either direction, counts as acceleration.
         faster = np.abs(target) > np.abs(start)
         limit = np.where(faster, performance.max_acceleration, performance.max_deceleration)
         way = self.shape.slope * np.abs(target - start)
@@ -163,6 +170,8 @@ class TransitionDynamics(NamedTuple):
         greatest acceleration or deceleration.
         """
         duration = self.extent(target - start)
+        # Over the mean speed, which is right whatever the shape if the speed does not change its
+        # sign.
         if self.dimension == "distance" and duration > 0.0:
             duration /= self._mean_speed(start, target)
         if self.strict or duration == 0.0:
@@ -179,6 +188,7 @@ class TransitionDynamics(NamedTuple):
         )
 
     def _mean_speed(self, start: float, target: float) -> float:
+        # Else the mean of |v| has no closed form for curved shapes.
         if start * target >= 0.0:  # the shapes are symmetric
             return abs(start + target) / 2.0
         value, change = self.shape.value, target - start
@@ -247,6 +257,7 @@ class GapController:
             speed: own speed, m/s.
             goal_speed: at which the goal itself moves, m/s.
         """
+        # No acceleration limits at all: the gap is closed within this step.
         if self._ahead == math.inf:
             target = goal_speed + gap / dt
         else:
@@ -255,11 +266,13 @@ class GapController:
 
     def _steer(self, gap: float, closing: float, dt: float) -> float:
         drive, brake = (self._ahead, self._back) if gap > 0.0 else (self._back, self._ahead)
+        # Stiffness k = 0.4 b, see the class; the jerk limits how fast the spring may react.
         root = math.sqrt(0.4 * brake)
         if self._jerk < math.inf and (strongest := max(drive, brake)) > 0.0:
             root = min(root, self._jerk / strongest)
         acceleration = 2.0 * root * (_safe_closing(gap, RESERVE * brake, root / 2.0) - closing)
         acceleration = min(max(acceleration, -self._back), self._ahead)
+        # Jerk limits relative to the acceleration of the step before.
         acceleration = max(
             acceleration, self._acceleration - self._limits.max_deceleration_rate * dt
         )
@@ -273,6 +286,7 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
     far = abs(gap)
     if slope * slope * far <= brake:
         return slope * gap
+    # Line and root meet at gap = brake / slope² with the same slope: the closing speed has no kink.
     knee = brake / slope
     return math.copysign(math.sqrt(2.0 * brake * far - knee * knee), gap)
 
@@ -303,11 +317,14 @@ class Easing:
     ) -> None:
         self.place, self.left = place, left
         self._aside, self._way = left - place, 0.0
+        # The length of a cubic over `aside` whose greatest lateral acceleration,
+        # 6·aside·v²/length², is the given one.
         gentle, brisk = (
             abs(speed) * math.sqrt(6.0 * abs(self._aside) / lateral)
             for lateral in (_GENTLE, _BRISK)
         )
         self.length = max(brisk, min(gentle, within), _SLANT * abs(self._aside), _SHORTEST)
+        # A slope away from the place would swing out before coming back: it is dropped.
         steepest = -3.0 * self._aside / self.length  # beyond it the cubic would go past the place
         self.slope = max(min(slope, max(steepest, 0.0)), min(steepest, 0.0))
 

@@ -48,6 +48,8 @@ class SteeredMotion:
             else _WHEELBASE * entity.box.length
         )
         turn = speed * math.tan(self._angle) / wheelbase * dt if wheelbase > 0.0 else 0.0
+        # The chord of an arc has the heading of its middle: exact in direction, and in length to
+        # the second order of the turn.
         h = entity.h + 0.5 * turn
         entity.x += speed * dt * math.cos(h)
         entity.y += speed * dt * math.sin(h)
@@ -150,13 +152,17 @@ class PathMotion:
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the path."""
+        # The gear is engaged by the first motion, not by the assignment: an entity may stand until
+        # then.
         if self._gear == 0.0 and speed:
             self._gear = self._engaged(speed)
             self._back = self._gear * speed < 0.0 and not self._timed
         before, self.s = self.s, self._kept(self.reached(speed, dt))
+        # Stopped where backward motion ends: the speed is that of the way it had left.
         if self.s == self._origin and (self.s != before or speed):
             speed = self._gear * (self.s - before) / dt or 0.0
         if self.s >= self.path.length and self.again is not None and not self._back:
+            # Modulo, since a fast entity may go round a short path more than once in a step.
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
             self.path, self._target = self.again, None
         self.put(entity, speed)
@@ -195,6 +201,8 @@ class PathMotion:
         If the path does not define the heading, the sign of the first speed (m/s) does; a standing
         entity keeps its heading.
         """
+        # The first of these that is known decides which way it faces: its gear, its speed, its
+        # heading now.
         reverse = not self._oriented and (self._gear or speed or self._along(entity)) < 0.0
         kept = entity.h
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
@@ -202,6 +210,8 @@ class PathMotion:
             entity.h = kept
         elif reverse and self._along(entity) > 0.0:
             entity.h += math.pi
+        # On level roads the heights of the path are those of the road: the search for the place is
+        # spared.
         if self._surface:
             place = in_world(
                 self.roads.network,
@@ -233,6 +243,7 @@ class PathMotion:
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
+        # The place of a fixed position is one object throughout a run: the search is done once.
         if self._target is None or self._target[0] is not placement:
             self._target = placement, nearest(self.path, placement.x, placement.y)
         left = self._target[1] - self.s
@@ -252,6 +263,7 @@ def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, floa
         return None
     h = tangent(path, s)
     aside = abs(dy * math.cos(h) - dx * math.sin(h))
+    # Whichever is longer: an angle that a vehicle can drive, or time to drive it.
     reach = max(_ASIDE * aside, JOINING * abs(entity.speed))
     before = max(dx * math.cos(h) + dy * math.sin(h), 0.0)
     station = min(max(s + reach - before, ahead, s), path.length)

@@ -45,6 +45,7 @@ def blocker(
 
 def _obstructs(other: Entity, entity: Entity, lane: int, duration: float, roads: Roads) -> bool:
     speeds = abs(entity.speed), abs(other.speed)
+    # Upper bound of the gap that could matter: pairs beyond it need no road coordinates.
     far = (
         entity.reach + other.reach + STANDING_GAP + TIME_GAP * max(speeds) + sum(speeds) * duration
     )
@@ -58,8 +59,11 @@ def _obstructs(other: Entity, entity: Entity, lane: int, duration: float, roads:
         return False
     to_lane = entity.section.lanes[lane].center(entity.s) - entity.t
     beside = 0.5 * (entity.box.width + other.box.width) + _ASIDE
+    # Positive towards the lane to be changed to, whichever side that is.
     aside = math.copysign(relative.dt, relative.dt * to_lane)
     crossed = max(abs(lane - entity.kept_lane), 1)
+    # From the first lane to be entered to the far side of the target lane: entities in the present
+    # lane do not block the change.
     if not abs(to_lane) / crossed - beside < aside < abs(to_lane) + beside:
         return False
     # all along the direction that the entity faces, from its reference point
@@ -69,5 +73,6 @@ def _obstructs(other: Entity, entity: Entity, lane: int, duration: float, roads:
     apart = (ahead + theirs) - own
     gap = abs(apart) - 0.5 * (entity.box.length + other.box.length)
     speed, their_speed = entity.speed, math.copysign(1.0, turn) * other.speed
+    # The rear one needs the time gap, whoever it is: the entity must not cut in closely either.
     rear, front = (speed, their_speed) if apart >= 0.0 else (their_speed, speed)
     return gap < STANDING_GAP + TIME_GAP * abs(rear) + max(rear - front, 0.0) * duration

@@ -61,6 +61,8 @@ def sampled(order: int, points: tuple[ControlPoint, ...], knots: tuple[float, ..
     _check(order, points, knots)
     timed = all(point.time is not None for point in points)
     turned = all(point.h is not None for point in points)
+    # Weights make points (wx, wy, wz, w) of a polynomial spline; dividing by w gives the rational
+    # one.
     homogeneous = [
         (w * x, w * y, w * z, w * (time or 0.0), w * (h or 0.0), w)
         for x, y, z, w, time, h in points
@@ -72,6 +74,7 @@ def sampled(order: int, points: tuple[ControlPoint, ...], knots: tuple[float, ..
         spline(at).tolist(), spline(at, 1).tolist(), strict=True
     ):
         x, y, z, time, h = x / w, y / w, z / w, time / w, h / w
+        # Quotient rule for (X/w)': its common factor 1/w > 0 does not change the direction.
         tangent = math.atan2(dy - y * dw, dx - x * dw)
         if samples:
             step = math.hypot(x - samples[-1].x, y - samples[-1].y)
@@ -105,6 +108,7 @@ def _check(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -
     if any(b < a for a, b in pairwise(knots)):
         raise ValueError("knots must not decrease")
     inside = knots[1:-1]
+    # A knot that occurs as often as the order breaks the curve in two.
     if any(b <= a for a, b in zip(inside, inside[order - 1 :], strict=False)):
         raise ValueError(f"a knot inside the curve must not occur {order} times or more")
     if any(point.weight <= 0.0 for point in points):
@@ -118,6 +122,8 @@ def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[floa
         start, end = knots[index], knots[index + 1]
         if end <= start:
             continue
+        # Only these control points shape the span (local support): their polygon suggests its
+        # length.
         shaping = points[index - order + 1 : index + 1]
         reach = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(shaping))
         count = int(min(max(_FEWEST, reach / _SPACING), _MOST))

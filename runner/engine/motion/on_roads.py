@@ -62,6 +62,8 @@ class LaneMotion:
         road, section, t = entity.road, entity.section, entity.t
         assert road is not None and section is not None
         distance, turn, controls = speed * dt, 0.0, entity.controls
+        # Read before the easing sets the target offset: the entity's own way back into its lane is
+        # no action.
         steered = controls.target_offset is not None
         if controls.route is not None and distance:
             self._change(entity, controls.route, speed)
@@ -79,10 +81,14 @@ class LaneMotion:
         ):
             return speed
         if constant is None or not road.line.straight:
+            # A metre of s is 1 - κt metres at t; the curvature in the middle of the step makes it
+            # second order.
             per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
             slope = 0.0 if constant is not None else center.slope(entity.s)
             ds /= max(math.hypot(per_s, slope) if slope else per_s, _SHARPEST)
         s = entity.s + ds
+        # A lane may end within its section, where its width comes to 0: that is crossed like a
+        # border.
         if section.s <= s < section.end and (constant is not None or not lane.closed(s, ds > 0.0)):
             entity.s = s
             entity.t = (center(s) if constant is None else constant) + entity.kept_offset
@@ -105,8 +111,10 @@ class LaneMotion:
         line, s = road.line, entity.s
         start, end, element = line.element(s)
         middle = s + 0.5 * ds
+        # The curvature in the middle of the step would be that of another element.
         if not start <= middle < end:
             return False
+        # Not isinstance: arcs and spirals are other classes, and this is the path of most steps.
         if type(element) is Line:
             s += ds
             if not (start <= s < end and section.s <= s < section.end):
@@ -125,6 +133,8 @@ class LaneMotion:
             entity.x, entity.y = x - aside * sin(h), y + aside * cos(h)
         direction = entity.direction
         entity.s, entity.t = s, aside
+        # `direction * 0.0` keeps the sign of zero as `_pose` gives it: recordings have the same
+        # bytes.
         entity.z, entity.pitch, entity.roll = 0.0, direction * 0.0, direction * 0.0
         h = h + entity.heading_offset + turn
         entity.h = h + math.pi if direction < 0 else h
@@ -145,6 +155,7 @@ class LaneMotion:
             ahead = ahead / np.maximum(1.0 - rows.curvature * rows.t, _SHARPEST)
         s, aside = rows.s + ahead, rows.center + offset
         glides = going & rows.gliding & (rows.low <= s) & (s < rows.high)
+        # All rows are computed; `glides` selects those for which the result holds.
         x, y, h = rows.on_stretch(s, aside)
         h = h + rows.heading_offset + turn
         h = np.where(rows.direction < 0, h + math.pi, h)
@@ -156,6 +167,7 @@ class LaneMotion:
         rows.target_offset = np.where(glides, np.nan, rows.target_offset)
         left &= (speed != 0.0) | ~np.isnan(rows.target_offset)
         speed = speed.copy()
+        # Rare steps, over a border say, are done by the same code as in one run.
         for row in np.flatnonzero(left):
             entity = rows.load(row)
             speed[row] = self.advance(entity, float(speed[row]), dt)
@@ -169,6 +181,7 @@ class LaneMotion:
         A controller of the scenario that is activated and not run would steer: the lane is its own.
         """
         controls = entity.controls
+        # Towards +s if it faces +s and drives forwards, or faces -s and reverses.
         lane, room = route.lane(entity, (entity.direction > 0) == (speed > 0.0))
         busy = controls.target_offset is not None
         led = LATERAL in controls.owners or (controls.activated and controls.driver is None)
@@ -177,6 +190,8 @@ class LaneMotion:
         lanes, under_way = entity.section.lanes, controls.easing
         shift = lanes[lane].center(entity.s) - lanes[entity.kept_lane].center(entity.s)
         side = entity.direction
+        # Offsets are those from the new lane's centre from now on; the entity stays where it is,
+        # and the easing brings it to its place.
         left, place, slope = (entity.kept_offset - shift) * side, entity.kept_offset * side, 0.0
         if under_way is not None:
             place, slope = under_way.place, under_way.inclination
@@ -192,6 +207,7 @@ class LaneMotion:
         controls = entity.controls
         if (
             controls.target_offset is not None
+            # Something else has moved it: its way no longer begins where the entity is.
             or abs(entity.kept_offset * entity.direction - easing.left) > _MOVED
         ):
             controls.easing = None
@@ -211,9 +227,13 @@ class LaneMotion:
         entity.controls.target_offset = None
         left = lateral * entity.direction
         if not entity.controls.path_compensated:
+            # A lane offset moves sideways on top of the way along the lane; beyond 45° it is no
+            # heading.
             return distance, math.atan(left / distance) if abs(left) <= abs(
                 distance
             ) and left else 0.0
+        # The way along the lane is the rest of the slanting one (Pythagoras), none if it is all
+        # sideways.
         rest = distance * distance - left * left
         turn = math.asin(max(-1.0, min(left / distance, 1.0))) if distance and left else 0.0
         return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0, turn
@@ -224,6 +244,7 @@ class LaneMotion:
         """Leave the lane section, over section and road borders, or stop at the end of the road."""
         assert entity.road is not None
         backwards = distance < 0.0
+        # Whether it moves towards +s, whichever way it faces.
         forward = (entity.direction > 0) != backwards
         point = RoadPoint(
             entity.road.id, entity.s, entity.t, entity.kept_lane, entity.kept_offset, entity.layer
@@ -231,6 +252,7 @@ class LaneMotion:
         if entity.controls.route is not None:
             point = self._on_route(point, entity.road, entity.controls.route, forward)
         choose = entity.controls.route.choose if entity.controls.route is not None else None
+        # Before the move: the slope and offset that the entity had in the lane that it leaves.
         drift, aside = _drift(entity), point.offset * entity.direction
         reached, forward, left = self.network.travel(point, abs(distance), forward, choose)
         reached = self._preferred(entity, reached)
@@ -243,6 +265,8 @@ class LaneMotion:
         )
         entity.section = entity.road.section(entity.s)
         entity.direction = 1 if forward != backwards else -1
+        # Its lane ended beside another one, so its offset has jumped while its place has not: it
+        # eases back.
         if not steered and abs(reached.offset * entity.direction - aside) > _MOVED:
             place = entity.controls.easing.place if entity.controls.easing is not None else aside
             slope = _drift(entity) - drift if backwards else drift - _drift(entity)
@@ -255,6 +279,7 @@ class LaneMotion:
         self._pose(entity, turn)
         if left <= 0.0:
             return distance / dt
+        # No way on: it stops at the end, and stays there until an action asks for a speed again.
         entity.at_road_end = True
         entity.controls.target_speed = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
@@ -265,6 +290,7 @@ class LaneMotion:
         if layer is None or layer == point.layer:
             return point
         moved = self.network.moved(point, layer)
+        # A change of the layer where lanes differ would put the entity aside.
         return moved if (moved.lane_id, moved.offset) == (point.lane_id, point.offset) else point
 
     def _on_route(self, point: RoadPoint, road: Road, route: Guide, forward: bool) -> RoadPoint:
@@ -279,6 +305,8 @@ class LaneMotion:
             self.network.on(point.layer).links(road.id, lane, forward)
             for lane in (point.lane_id, under)
         )
+        # The lane that it is bound for is kept where it leads on, or where the one under it does
+        # not either.
         if route.leads(road.id, forward, own) or not route.leads(road.id, forward, there):
             return point
         return point._replace(lane_id=under, offset=point.t - road.lane_t(point.s, under))
@@ -311,6 +339,8 @@ class LaneMotion:
             else None
         )
         if distance is None and here.road_id == there.road_id:
+            # An assigned route knows best; on one road the difference of s is enough; else the
+            # network is asked.
             ahead = entity.direction * (there.s - here.s)
             # on a closed road what lies ahead is not behind, however far it is
             distance = ahead if (ahead >= 0.0) == (entity.speed >= 0.0) else None
@@ -363,6 +393,7 @@ class Roads:
         if entity.on_lane and entity.road is not None:
             lane, offset = entity.lane_below()
             return RoadPoint(entity.road.id, entity.s, entity.t, lane, offset, entity.layer)
+        # Places off the lanes are searched for, which is slow: once for each place.
         if entity.located_at != (entity.x, entity.y):
             entity.located_at = (entity.x, entity.y)
             layer = entity.controls.preferred_layer
@@ -374,6 +405,7 @@ class Roads:
     def is_off_road(self, entity: Entity) -> bool:
         """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
         if entity.on_lane and entity.section is not None:
+            # Within the borders of its lane no search is needed.
             lane = entity.section.lanes[entity.kept_lane]
             width = lane.width.constant
             if (
@@ -442,6 +474,8 @@ class Roads:
         else:
             layer = None if placement.layered else entity.controls.preferred_layer
             point = self.network.moved(placement.point, layer or placement.point.layer)
+            # The file may put it at an offset that is in the next lane: `settle` makes that its
+            # lane.
             self.follow_lane(entity, point, placement.direction, placement.heading_offset)
             self.settle(entity)
 
@@ -451,6 +485,7 @@ class Roads:
         """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead; return its speeds."""
         along = going
         if self.lane_motion is None or not rows.on_lane.all():
+            # An array of objects compared with None itself would give one value, not a mask.
             led = going & np.not_equal(rows.motion, np.array(None, object)).astype(bool)
             along = going & rows.on_lane & ~led
             STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane & ~led)
@@ -538,6 +573,7 @@ class Roads:
         point = self.road_point(entity)
         if point is None or self.network is None or entity.controls.motion is not STRAIGHT_AHEAD:
             return
+        # Facing the nearer of the two directions of the road.
         turn = wrap(entity.h - lane_heading(self.network.road_of(point), point))
         direction = 1 if abs(turn) <= math.pi / 2 else -1
         self.follow_lane(entity, point, direction, turn if direction > 0 else wrap(turn + math.pi))
@@ -564,6 +600,8 @@ class Roads:
         if point is None or self.network is None or self.network.roads[point.road_id].flat:
             return
         pose = self.network.pose(point)
+        # Pitch and roll of the surface are told along +s; seen the other way round both change
+        # their signs.
         direction = 1.0 if math.cos(entity.h - pose.h) >= 0.0 else -1.0
         entity.z, entity.pitch, entity.roll = pose.z, direction * pose.pitch, direction * pose.roll
 

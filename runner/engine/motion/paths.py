@@ -84,6 +84,7 @@ class Polyline:
             for (a, b), start in ends
             if math.hypot(b.x - a.x, b.y - a.y) > _SAME_PLACE
         ]
+        # All corners in one place: a path of no length, with the orientation of the first.
         if not self._stretches:
             only = corners[0]
             pose = WorldPose(
@@ -100,6 +101,7 @@ class Polyline:
             max(bisect_right(self._starts, s) - 1, 0)
         ]
         u = s - start
+        # Beyond its ends the line goes on, its orientation does not turn further.
         turned = min(max(u, 0.0), length)
         x, y, z, h, pitch, roll = pose
         return WorldPose(
@@ -119,11 +121,13 @@ class Polyline:
 def _stretch(a: Corner, b: Corner, start: float) -> _Stretch:
     length = math.hypot(b.x - a.x, b.y - a.y)
     tangent = math.atan2(b.y - a.y, b.x - a.x)
+    # Pitch is positive when the nose is down (ISO 8855), so uphill is negative.
     slope = -math.atan2(b.z - a.z, length)
     h, h_end = (tangent if corner.h is None else corner.h for corner in (a, b))
     pitch, pitch_end = (slope if corner.pitch is None else corner.pitch for corner in (a, b))
     roll, roll_end = (corner.roll or 0.0 for corner in (a, b))
     turns = (
+        # Orientations turn the shorter way round.
         math.remainder(end - begin, math.tau)
         for begin, end in ((h, h_end), (pitch, pitch_end), (roll, roll_end))
     )
@@ -152,6 +156,7 @@ class Segments:
 
     def at(self, s: float) -> WorldPose:
         """Position and orientation at s."""
+        # Beyond its ends it goes on straight.
         inside = min(max(s, 0.0), self.length)
         index = bisect_right(self._starts, inside) - 1
         x, y, h = self._segments[index].at(inside - self._starts[index])
@@ -197,6 +202,8 @@ class Sampled:
         index = bisect_right(self._starts, inside) - 1
         a, b = self._samples[index], self._samples[index + 1]
         span = b.s - a.s
+        # Heading and height are linear between samples: their errors are of second order in the
+        # spacing.
         u = (inside - a.s) / span
         v = 1.0 - u
         # Hermite basis: positions at both ends, tangents of length `span`
@@ -306,6 +313,7 @@ def _sample(
     arrive: tuple[float, float],
 ) -> None:
     """Add the samples of a cubic from a corner to the next, the first corner's own where there are none yet."""
+    # A sample each metre, at least 8 for short bends; 200 bound the cost of long chords.
     count = max(8, min(200, math.ceil(chord)))
     for number in range(1 if samples else 0, count + 1):
         u = number / count
@@ -326,6 +334,7 @@ def _sample(
             ahead * (b.y - a.y) + before * leave[1] + after * arrive[1],
         )
         heading = math.atan2(dy, dx)
+        # Headings go on from the sample before, not wrapped, so that they can be interpolated.
         last = samples[-1] if samples else Sample(0.0, x, y, a.z, heading, heading)
         tangent = last.tangent + math.remainder(heading - last.tangent, math.tau)
         given = (
@@ -334,6 +343,7 @@ def _sample(
             else tangent
         )
         h = last.h + math.remainder(given - last.h, math.tau)
+        # Stations have to ascend, also where samples coincide.
         s = last.s + max(math.hypot(x - last.x, y - last.y), _SAME_PLACE) if samples else 0.0
         samples.append(Sample(s, x, y, a.z + u * (b.z - a.z), tangent, h))
 
@@ -376,6 +386,7 @@ def approach(x: float, y: float, h: float, z: float, target: WorldPose) -> Sampl
 def tangent(path: Path, s: float) -> float:
     """Heading (rad) of a path at s, whatever orientation it prescribes."""
     s = min(max(s, 0.0), path.length)
+    # A difference, since the orientation of a path may be prescribed and need not be its tangent.
     a, b = path.at(max(s - _SHORT, 0.0)), path.at(min(s + _SHORT, path.length))
     return math.atan2(b.y - a.y, b.x - a.x)
 
@@ -398,6 +409,8 @@ def nearest(path: Path, x: float, y: float) -> float:
         square = dx * dx + dy * dy
         u = min(max(((x - a.x) * dx + (y - a.y) * dy) / square, 0.0), 1.0) if square else 0.0
         gap = math.hypot(a.x + u * dx - x, a.y + u * dy - y)
+        # With a tolerance, so that of equal places the first stays; refining is left to
+        # improvements.
         if gap < best - _SAME_PLACE:
             best, found = gap, _refined(path, x, y, start, end, start + u * (end - start))
     return found
@@ -405,6 +418,8 @@ def nearest(path: Path, x: float, y: float) -> float:
 
 def _refined(path: Path, x: float, y: float, low: float, high: float, s: float) -> float:
     """The foot of the perpendicular between two s, from a guess on the chord, by steps along the tangent."""
+    # Steps along the tangent converge where the curve bends gently over a chord; the bound ends
+    # those that do not.
     for _ in range(_REFINEMENTS):
         here, h = path.at(s), tangent(path, s)
         moved = min(max(s + (x - here.x) * math.cos(h) + (y - here.y) * math.sin(h), low), high)

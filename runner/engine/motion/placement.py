@@ -52,6 +52,7 @@ def tilted(pose: WorldPose, h: float) -> tuple[float, float]:
     if not (pose.pitch or pose.roll):
         return 0.0, 0.0
     turn = h - pose.h
+    # A plane through the surface: the tilt seen in another heading, for small angles.
     cos, sin = math.cos(turn), math.sin(turn)
     return pose.pitch * cos - pose.roll * sin, pose.pitch * sin + pose.roll * cos
 
@@ -64,6 +65,8 @@ def surface(network: RoadNetwork, point: RoadPoint, h: float) -> tuple[float, fl
 
 def slant(road: Road, section: LaneSection, lane_id: int, s: float, t: float) -> float:
     """Angle (rad) between the way along a lane, at the offset that t has from its centre, and the road's at (s, t)."""
+    # Inside a curve a metre of s is a shorter way, so the lane's slope over s is steeper over the
+    # way.
     center = section.lanes[lane_id].center
     slope = 0.0 if center.constant is not None else center.slope(s)
     return math.atan(slope / max(1.0 - road.curvature(s) * t, _SHARPEST)) if slope else 0.0
@@ -88,8 +91,11 @@ def facing(
             given.
     """
     heading = lane_heading(road, point) if along is None else along
+    # Lane 0 is the reference line, which has no direction of traffic.
     direction = road.direction(point.lane_id, point.s) if point.lane_id else 1
     turn = wrap(placement.h - heading - (0.0 if direction > 0 else math.pi))
+    # With a tolerance, so that rounding does not turn a pedestrian that stands exactly across the
+    # road.
     if abs(turn) > math.pi / 2 + _ACROSS:
         direction, turn = -direction, wrap(turn + math.pi)
     return placement._replace(point=point, direction=direction, heading_offset=turn)
@@ -119,6 +125,7 @@ def in_world(
         placement = placement._replace(
             z=surface.z, pitch=pose.pitch or pitch, roll=pose.roll or roll
         )
+    # A pose on a bridge is not on the road below it.
     elif abs(surface.z - pose.z) > _OTHER_LEVEL:
         return placement
     return facing(placement, network.road_of(point), point)

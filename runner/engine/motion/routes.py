@@ -49,6 +49,7 @@ class Route:
         self.node, self.network, self.closed = node, network, closed
         self.name: str = node.get("name", "")
         self.waypoints = waypoints
+        # A random way is drawn by each run from its own seed.
         self.fixed = all(w.position.fixed is not None and w.strategy != "random" for w in waypoints)
         self._path: RoadPath | None = None
 
@@ -67,6 +68,8 @@ class Route:
         if len(waypoints) < 2:
             raise node.invalid("a route needs two waypoints or more")
         route = cls(node, network, waypoints, node.bool("closed"))
+        # Found while compiling, so that a route that leads nowhere is an error of the file, not of
+        # a run.
         if route.fixed:
             route.path(None)
         return route
@@ -98,6 +101,8 @@ class Route:
 
     def _unreachable(self, waypoints: Sequence[Waypoint], points: Sequence[RoadPoint]) -> Exception:
         for (_, waypoint), pair in zip(pairwise(waypoints), pairwise(points), strict=True):
+            # A pair without a way is named; if each pair has one, only all legs together contradict
+            # each other.
             if self.network.route(pair) is None:
                 here, there = (f"road {p.road_id!r} lane {p.lane_id} s={p.s:.1f}" for p in pair)
                 return waypoint.node.invalid(f"no way leads from {here} to {there}")
@@ -115,6 +120,7 @@ def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
     """Return the start of a leg of a route, on a lane in the direction of travel if there is one."""
     road = network.road(leg.road_id)
     lanes = road.lane_ids(leg.enter)
+    # The lane next to the reference line of those with the traffic, or of all on a road against it.
     along = [lane for lane in lanes if (road.direction(lane, leg.enter) > 0) == leg.forward]
     return road.lane_point(leg.enter, min(along or lanes, key=abs))
 
@@ -165,6 +171,7 @@ class AssignedRoute:
         """The lane that goes on along the route, if possible one that leads on to the leg after."""
         index = self._find(point.road_id, forward)
         following = self._following(index) if index is not None else None
+        # Ways branch off between the ends of this road, and the leg goes past them.
         if index is not None and self.path.legs[index].passes(point, links):
             return links[0]
         if following is not None:
@@ -172,6 +179,7 @@ class AssignedRoute:
             link = self.path.onward(following, links)
             if link is not None:
                 return link
+        # At the end of the last leg the route is done: from there on it looks for no way back.
         self._through = self._through or (following is None and index == self._leg)
         way = self._way_back(point, forward) if following is None else None
         return (way or self.path).choose(point, forward, links)
@@ -190,6 +198,7 @@ class AssignedRoute:
         if self.network is None or self._through:
             return None
         known = self._back.legs if self._back is not None else ()
+        # A way back is kept while the entity is on it, and found anew when it leaves that too.
         if not any(leg[:2] == (point.road_id, forward) for leg in known):
             starts = dict.fromkeys(
                 _beginning(self.network, leg) for leg in self.path.legs[self._leg :]
@@ -221,15 +230,18 @@ class AssignedRoute:
         if plan is None or road is None:
             return lane, math.inf
         now, cell = (road.id, forward, lane, self.released), self._cell
+        # Most steps end here: road, direction, lane and cell are those of the step before.
         if now == self._known and cell is not None and (s < cell.end if forward else s > cell.end):
             return lane, math.inf
         if cell is None and self._beyond is not None:
             where, since = self._beyond
+            # The plan is known to say nothing from there on.
             if where == now[:2] and (s >= since if forward else s <= since):
                 return lane, math.inf
         index = self._find(road.id, forward)
         on = index is not None and self.path.legs[index].road_id == road.id
         found = plan.cell(index, s) if index is not None and on else None
+        # The cell before is behind: was its waypoint passed in the lane that it asked for?
         if found is not cell:
             self._pass(cell, entity, road.id)
             self._cell = found
@@ -294,6 +306,7 @@ class AssignedRoute:
         legs, lanes = self.path.legs, self.path.lanes
         if lanes is not None and (road_id, forward) in lanes.parallel:
             return lanes.parallel[Way(road_id, forward)]
+        # From the present leg on and round to it: a road used twice is the next use of it.
         ahead = (*range(self._leg, len(legs)), *range(self._leg))
         return next((index for index in ahead if legs[index][:2] == (road_id, forward)), None)
 

@@ -71,11 +71,15 @@ def longitudinal_distance(
     time = p.response if response is None else response
     reached = rear_speed + time * p.accelerate
     responding = rear_speed * time + 0.5 * p.accelerate * time**2
+    # Definition 1: the rear one accelerates during its response time, then brakes at least with
+    # `brake_min`, while the front one brakes with `brake_max`. v·|v| keeps the sign of a front one
+    # that comes towards it.
     distance = (
         responding
         + reached**2 / (2.0 * p.brake_min)
         - front_speed * abs(front_speed) / (2.0 * p.brake_max)
     )
+    # A product, not max(): arguments may be arrays.
     return (distance > 0) * distance
 
 
@@ -85,6 +89,8 @@ def lateral_distance(
     """Least safe lateral gap (m) between a left and a right participant; lateral speeds (m/s) positive to the right."""
     left = left_speed + left_response * p.lateral_accelerate
     right = right_speed - right_response * p.lateral_accelerate
+    # Definition 6: both accelerate towards each other during the response time, then brake to a
+    # lateral speed of 0. One that still moves away at its end has no braking distance.
     closing = (left_speed + left) / 2.0 * left_response + (left > 0) * left**2 / (
         2.0 * p.lateral_brake
     )

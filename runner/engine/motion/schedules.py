@@ -90,6 +90,8 @@ class Schedule:
             return self.times[-1]
         piece = self.pieces[bisect_right(self._stations, station) - 1]
         way = station - piece.station
+        # 2·way / (v + v') is the time under constant acceleration, without a division by an
+        # acceleration that may be 0.
         reached = math.sqrt(max(piece.speed * piece.speed + 2.0 * piece.acceleration * way, 0.0))
         return piece.time + (2.0 * way / (piece.speed + reached) if way > 0.0 else 0.0)
 
@@ -152,6 +154,7 @@ def prescribed(
     pieces: list[PathPiece] = []
     for index, (before, after) in enumerate(pairwise(times)):
         begin, end = motions[index], motions[index + 1]
+        # Vertices at one time are one place, or were refused (`Trajectory.timetable`).
         if after - before <= _SAME_TIME:
             continue
         if begin == end == VertexMotion():
@@ -199,10 +202,14 @@ def _end_speeds(first: float | None, last: float | None, mean: float) -> tuple[f
 
 def _by_speeds(first: float, last: float, span: float, way: float) -> list[tuple[float, float]]:
     """Durations (s) and accelerations (m/s²) from one speed (m/s) to another on a way (m) in a time (s)."""
+    # Two constant accelerations, each for half of the time, cover the way with this speed in the
+    # middle.
     middle = 2.0 * way / span - 0.5 * (first + last)
     if middle >= 0.0:
         half = 0.5 * span
         return [(half, (middle - first) / half), (half, (last - middle) / half)]
+    # The middle would have to be negative: it brakes to 0, waits, and starts. Both ramps take the
+    # time in which their ways add up to the whole.
     each = 2.0 * way / (first + last)
     if each <= 0.0:
         raise ValueError(
@@ -220,6 +227,7 @@ def _by_accelerations(
     fixed += [(span - quarter, quarter, end)] if end is not None else []
     low = quarter if begin is not None else 0.0
     half = 0.5 * ((span - quarter if end is not None else span) - low)
+    # Two unknown accelerations, two equations: what is left of the change of speed, and of the way.
     gained = last - first - sum(duration * value for _, duration, value in fixed)
     left = (
         way
@@ -263,6 +271,8 @@ def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: flo
         begin, end, way = motions[here], motions[there], stations[there] - stations[here]
         if way <= 0.0:
             continue
+        # Half the squared speed changes with the way as speed does with time under a constant
+        # acceleration.
         reached = (
             0.5 * end.speed**2
             if end.speed is not None
@@ -273,6 +283,7 @@ def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: flo
                 math.sqrt(2.0 * _energy(energy, reached, begin, end, way, s - stations[here]))
                 for s in (low, high)
             )
+            # By way alone a standing follower never gets on: time would be infinite.
             if v + w <= _STANDS:
                 raise ValueError(f"the follower stands at {low:.2f} m, and nothing accelerates it")
             pieces.append(PathPiece(time, low, v, 0.5 * (w * w - v * v) / (high - low)))
@@ -291,6 +302,8 @@ def delayed(schedule: Schedule, length: float, station: float, speed: float) -> 
     index = max(bisect_right([piece.time for piece in schedule.pieces], begin) - 1, 0)
     joined = schedule.pieces[index]
     reached = joined.speed + (begin - joined.time) * joined.acceleration
+    # From standstill to standstill there would be no end: at least half a metre a second is
+    # assumed.
     duration = 2.0 * length / max(speed + reached, _SLOWEST)
     later, further = duration - begin, length - station
     rest = [
@@ -363,6 +376,7 @@ def quadratic(
         start: as of `smooth`.
         rests: whether the follower has to stop at a vertex (n,).
     """
+    # Of vertices at one time the last counts; the place jumps there.
     kept = np.append(np.diff(times) > _SAME_TIME, True)
     times, stations, rests = times[kept], stations[kept], rests[kept]
     spans = np.diff(times)
@@ -391,9 +405,13 @@ def _vertex_speeds(
     if len(spans) == 1:
         first = means[0] if start is None else min(start, 2.0 * means[0])
         return np.array([first, 2.0 * means[0] - first])
+    # Squares of the durations, see `smooth`; the minimum keeps the speed in the middle of either
+    # interval from being negative.
     weights = spans * spans
     inner = (weights[:-1] * means[:-1] + weights[1:] * means[1:]) / (weights[:-1] + weights[1:])
     inner = np.minimum(inner, 2.0 * np.minimum(means[:-1], means[1:]))
     inner[rests[1:-1]] = 0.0
+    # By a constant acceleration in the first interval; a given speed is bounded so that the speed
+    # in the middle is not negative.
     first = 2.0 * means[0] - inner[0] if start is None else min(start, 4.0 * means[0] - inner[0])
     return np.concatenate([[first], inner, [2.0 * means[-1] - inner[-1]]])

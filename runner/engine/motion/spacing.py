@@ -200,12 +200,14 @@ def bearing(
     )
     if seen is None:
         return None
+    # Only ds is measured along the route: dt and lanes are relations at the two places.
     along_route = _along_route(a, here, there) if routing == "assignedRoute" else None
     ds, dt, lanes, aligned = seen
     if along_route is not None:
         ds = along_route
     if not lane:
         return Bearing(here, there, ds, dt, lanes, aligned)
+    # dt counts from a's place; from the lane's centre line b is `aside` away.
     aside = dt + here.offset
     return Bearing(
         here,
@@ -250,6 +252,8 @@ def footprint(
     curvature = road.curvature(point.s)
     straight = -_STRAIGHT < curvature < _STRAIGHT
     along, across = [], []
+    # Corners are the extremes on a line; on an arc the middle of a side may reach further by l²κ/8:
+    # 2.5 cm for a car of 4.5 m on a radius of 100 m.
     for x in (box.x - box.length / 2, box.x + box.length / 2):
         for y in (box.y - box.width / 2, box.y + box.width / 2):
             p, q = x * c - y * s, x * s + y * c
@@ -257,6 +261,8 @@ def footprint(
                 along.append(p)
                 across.append(q)
             else:
+                # Polar coordinates about the centre of the arc: angle over curvature is s, radius
+                # is t.
                 inward = 1.0 - curvature * (point.t + q)
                 along.append(math.atan2(curvature * p, inward) / curvature)
                 across.append((1.0 - math.hypot(curvature * p, inward)) / curvature - point.t)
@@ -279,6 +285,7 @@ def _on_road(
         theirs = (
             footprint(there, seen.b, b.h, b.box, seen.line_b) if isinstance(b, Entity) else _POINT
         )
+        # b's road runs the other way: its extent is turned into the direction of a's.
         theirs = theirs if seen.aligned else theirs.turned()
     rear, front, right, left = theirs
     theirs = Footprint(seen.ds + rear, seen.ds + front, seen.dt + right, seen.dt + left)
@@ -352,6 +359,7 @@ def directed_batch(
     apart = b.s - a.s if ahead else b.t - a.t
     if not freespace:
         return side * apart, known
+    # At most one of the two terms is not 0; overlapping intervals have a gap of 0.
     (low_a, high_a), (low_b, high_b) = (_extent_batch(each, ahead) for each in (a, b))
     gap = np.maximum(apart + low_b - high_a, 0.0) + np.minimum(apart + high_b - low_a, 0.0)
     return side * gap, known
@@ -390,6 +398,7 @@ def velocity(b: Entity | Placement) -> tuple[float, float]:
 def closing_euclidean(a: Entity, b: Entity | Placement, freespace: bool) -> float:
     """Closing speed of the straight distance, along the line between reference points or nearest points of the boxes."""
     (vx, vy), (wx, wy) = velocity(a), velocity(b)
+    # By a finite difference: which points of the boxes are nearest changes from pose to pose.
     if freespace:
         return (euclidean(a, b, True) - _gap_after(a, b, wx - vx, wy - vy)) / _MOMENT
     dx, dy = b.x - a.x, b.y - a.y
@@ -484,4 +493,5 @@ def _speeds_on_road(
     """Return the speeds of a road point with a given velocity along the line at t = `line` and across it (m/s)."""
     along, across = _turned(v, road.heading(point.s))
     curvature = road.curvature(point.s)
+    # The same turn about the arc's centre is a longer way further outside.
     return along * (1.0 - curvature * line) / max(1.0 - curvature * point.t, _SHARPEST), across

@@ -99,6 +99,8 @@ def plan(
         else _Rates(0.0, 0.0)
     )
     segments = _segments(speed, entries, limits, rates)
+    # Three attempts, from the most exact one: all times are met, the times on the whole, the limits
+    # only.
     curves = _exact(segments, rates)
     if curves is None:
         rounded = _rounded(segments, rates) if len(segments) > 1 else None
@@ -124,6 +126,7 @@ def _segments(
     for entry in entries:
         target = min(max(entry.speed, -limits.max_speed), limits.max_speed)
         change = target - speed
+        # Away from standstill counts as acceleration, in either direction.
         limit = limits.max_acceleration if abs(target) > abs(speed) else limits.max_deceleration
         if change and limit == 0.0:
             return [*segments, _Segment(speed, speed, math.inf, limit, True)]
@@ -159,6 +162,8 @@ def shortest(
     """
     size, both = np.abs(change), 0.5 * (np.asarray(up, float) + down)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Without a plateau the acceleration would rise to `peak`: the triangle of that height has
+        # the area of the change. If the limit is lower, it is a trapezoid.
         peak = np.where(both > 0.0, np.sqrt(size / np.where(both > 0.0, both, 1.0)), math.inf)
         held = size / limit + limit * both
         brief = 2.0 * np.sqrt(size * both)
@@ -185,6 +190,8 @@ def pursued(
     back = limits.max_deceleration_rate if change > 0.0 else limits.max_acceleration_rate
     size = min(abs(change) / dt, limit)
     if back < math.inf:
+        # In steps of dt the area under a falling acceleration is a staircase: half a step of jerk
+        # is the difference to the integral, and keeps it from going past the target.
         half = 0.5 * back * dt
         size = min(size, math.sqrt(half * half + 2.0 * back * abs(change)) - half)
     wanted = math.copysign(size, change)
@@ -201,6 +208,7 @@ def plateau(
     down: FloatArray | float,
 ) -> FloatArray:
     """Accelerations (m/s²) between the ends of changes of speed (m/s) in times (s), arguments as in `shortest`."""
+    # The smaller root of both·a² - duration·a + size = 0, in the form that does not cancel.
     size, both = np.abs(change), 0.5 * (np.asarray(up, float) + down)
     root = np.sqrt(np.maximum(np.square(duration) - 4.0 * both * size, 0.0))
     total = np.asarray(duration + root)
@@ -211,6 +219,7 @@ def plateau(
 
 def _exact(segments: list[_Segment], rates: _Rates) -> list[_Curve] | None:
     """The curves that reach each target in its time; None where the limits forbid one."""
+    # Accelerations at the targets, chosen first; each segment then is a problem of its own.
     knots = [0.0, *(_through(*pair) for pair in pairwise(segments)), 0.0]
     curves = [
         _curve(segment, *ends, rates)
@@ -237,12 +246,16 @@ def _curve(segment: _Segment, first: float, last: float, rates: _Rates) -> _Curv
             else _Curve(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         )
     low, high = sorted((first, last))
+    # What the curve gains with its plateau at either end value: below, between and above decides
+    # the signs of the jerks.
     middle = _gained(low, first, last, duration, rates), _gained(high, first, last, duration, rates)
     # the inverse jerks with which the acceleration comes to the plateau and leaves it, signed by the direction
     come = rates.up if change > middle[first == high] else -rates.down
     leave = rates.down if change > middle[last == high] else -rates.up
     square, linear = -0.5 * (come + leave), duration + come * first + leave * last
     constant = -0.5 * (come * first * first + leave * last * last) - change
+    # The change of speed is a quadratic in the height of the plateau; the root that tends to the
+    # linear solution is the plateau.
     root = linear * linear - 4.0 * square * constant
     if root < -_ROUNDING * linear * linear:
         return None
@@ -301,6 +314,7 @@ def _rounded(segments: list[_Segment], rates: _Rates) -> list[ProfilePiece] | No
     is left where it meets the second line, or shifts all that follows where it does not. None where
     the lines are too short.
     """
+    # A segment without duration has no slope to be rounded.
     segments = [segment for segment in segments if segment.duration > 0.0]
     slopes = [0.0, *(segment.slope for segment in segments), 0.0]
     blends = [

@@ -35,6 +35,7 @@ def steadied(corners: Sequence[Corner]) -> list[Corner] | None:
         x = sum(corner.x for corner in corners[first : last + 1]) / (last + 1 - first)
         y = sum(corner.y for corner in corners[first : last + 1]) / (last + 1 - first)
         middle = corners[first]._replace(x=x, y=y)
+        # The nearest corner may be noise as well: only one at least `REACH` away gives a direction.
         behind = next((c for c in reversed(corners[:first]) if _apart(c, middle)), None)
         ahead = (
             next((c for c in corners[last + 1 :] if _apart(c, middle)), None)

@@ -156,6 +156,8 @@ class PolylineShape(TrajectoryShape):
         times = [vertex.finite("time", None) for vertex in vertices]
         for second in range(1, len(vertices)):
             first = second - 1
+            # Two places at one time cannot both be meant; the last vertex keeps its time, since the
+            # trajectory ends by it.
             if (
                 times[first] is not None
                 and times[first] == times[second]
@@ -169,6 +171,7 @@ class PolylineShape(TrajectoryShape):
     def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """Lines from vertex to vertex, or a curve through them."""
         corners = [_corner(position, position.resolve(run, actor)) for position in self.positions]
+        # Prescribed headings are no noise, and a curve through the vertices gives its own.
         steady = corners if self.curved or self.faces else steadied(corners)
         path = smoothed(corners) if self.curved else Polyline(steady or corners)
         rests = Rests.ALL if steady is None else Rests.SOME if steady != corners else Rests.NONE
@@ -266,6 +269,7 @@ class ClothoidSplineShape(TrajectoryShape):
         found = [context.position(start) if start is not None else None for _, start in starts]
         motions = [*(segment.find("MotionStart") for segment in segments), node.find("MotionEnd")]
         super().__init__([position for position in found if position is not None], motions)
+        # Without a start position it begins where its follower is.
         self.fixed = self.fixed and found[0] is not None
         self.node = node
         # runs of segments that continue each other, each with the position where it begins
@@ -296,6 +300,7 @@ class ClothoidSplineShape(TrajectoryShape):
             piece = _bent_at(self.node, place, tuple(bends))
             path = piece if path is None else Chain(_to(path, place.x, place.y, place.z), piece)
             begin = path.length - piece.length
+            # The end of a piece is the beginning of the next, after the line that bridges a gap.
             stations = [*stations[:-1], *(begin + station for station in piece.stations)]
         assert path is not None
         return TimedPath(path, self.times, stations, motions=self.motions)
@@ -346,6 +351,7 @@ class NurbsShape(TrajectoryShape):
         heading: float | None = None
         for position, weight, time in zip(self.positions, self.weights, self.times, strict=True):
             place = position.resolve(run, actor)
+            # Headings are coordinates of the curve: a jump of 2π would spin the follower round.
             heading = _unwrapped(place.h, heading) if position.oriented else None
             points.append(ControlPoint(place.x, place.y, place.z, weight, time, heading))
         try:
@@ -460,6 +466,7 @@ class Trajectory:
         if self.closed:
             start = path.at(0.0)
             path = _to(path, start.x, start.y, start.z)
+        # `not <=` refuses NaN as well.
         if not path.length <= _LONGEST:
             raise self.node.invalid(f"the trajectory {self.name!r} is {path.length:g} m long")
         return track._replace(path=path, grounded=self.shape.grounded)

@@ -95,6 +95,7 @@ class BatchElement(RunRows):
     def change(self, rows: BoolArray, state: int, transition: int) -> None:
         """Go to a state by a transition."""
         self.state[rows] = state
+        # Transitions are bits: several can happen in one step.
         self.transitions[rows] |= transition
         if transition == START:
             self.started |= rows
@@ -186,6 +187,7 @@ class BatchActionElement(BatchElement):
                     self.run.take_over(actor, domain, rows)
             self.run.begin_process(process, rows)
             left = process.start(rows)
+            # Where `start` leaves nothing to run the action is complete at once.
             process.active &= ~rows | left
             if actor is not None:
                 self.run.give(process, actor, domains, left)
@@ -257,6 +259,7 @@ class BatchTrigger:
             true = rows
             for condition in group:
                 true = true & condition.evaluate(rows)
+            # The first true group in document order, as in one run.
             fired[true & ~found] = number
             found = found | true
         self.fired = fired
@@ -285,6 +288,8 @@ class _Timed(RunRows):
         n = run.n
         self._previous = np.full(n, -1, np.int8)
         delay = np.asarray(run.value(timed.delay), float) * np.ones(n)
+        # The least number of steps that last as long as the delay, within the same rounding as in
+        # one run.
         self._back = np.ceil((delay - _EPSILON) / run.dt - 1e-9).astype(np.int64)
         """steps of the delay"""
         self._history = np.zeros((int(self._back.max(initial=0)) + 1, n), bool)
@@ -310,6 +315,8 @@ class _Timed(RunRows):
         value = self._holds()
         if self._edge != "none":
             before = self._previous
+            # -1 stands for no evaluation yet: it is neither, so the first evaluation is no edge
+            # (7.6.3).
             rising, falling = (before == 0) & value, (before == 1) & ~value
             self._previous = np.where(rows, value, before).astype(np.int8)
             value = {"rising": rising, "falling": falling}.get(self._edge, rising | falling)
@@ -320,6 +327,7 @@ class _Timed(RunRows):
         step, history = self._run.step_index, self._history
         new = rows & ~self._armed
         self._began[new], self._armed = step, self._armed | rows
+        # A ring buffer of values by step; the longest delay among the runs sets its length.
         history[step % len(history)] = value
         then = step - self._back
         found: BoolArray = history[then % len(history), self._column] & (then >= self._began)
@@ -468,6 +476,8 @@ class BatchAct(BatchElement):
             fired = self.trigger.fires(waiting) if self.trigger is not None else waiting
             if fired.any():
                 self.start(fired)
+                # An act that has just started is asked for its stop trigger in the same step, as in
+                # `Act.fire`.
                 running = running | (fired & (self.state == RUNNING))
         if self.stop_trigger is not None and running.any():
             fired = self.stop_trigger.fires(running)

@@ -78,6 +78,8 @@ class Single:
     @property
     def entities(self) -> Entities:
         """Everyone by name, as they are in the run whose entity was loaded last."""
+        # Only the entity at work is loaded for a row; actions that look at others need all of that
+        # row.
         loaded = self._run.loaded
         name, row = loaded.name, loaded.row
         for other in self._run.entities.values():
@@ -157,6 +159,8 @@ class BatchSimulation(RunRows):
         steps_after_contact: int | None,
         observer: BatchObserver,
     ) -> None:
+        # Numbers that vary are columns in the compiled scenario; the state of its entities is that
+        # of one run at a time (`EntityRows.load` and `store`).
         scenario.reset()
         self.scenario, self.sets, self.dt = scenario, sets, timestep
         self.n = n = len(sets)
@@ -269,6 +273,8 @@ class BatchSimulation(RunRows):
         """A number of the scenario: as it is, or where it varies its values in the runs (n,)."""
         if not isinstance(number, NumberColumn):
             return number
+        # By identity: columns are arrays, and comparing or hashing them would look at all values.
+        # The column is kept beside its values, so that its id is not given to another one.
         known = self._values.get(id(number))
         if known is None:
             known = self._values[id(number)] = (number, number.view(np.ndarray)[self.sets])
@@ -303,15 +309,20 @@ class BatchSimulation(RunRows):
             act: called with the entity of the compiled scenario, as it is in a run, and the run's row.
         """
         needed = [self.entities[other.name] for other in others if other.name != actor.name]
+        # Entities of the compiled scenario serve as the working copy of one row after the other.
         for row in np.flatnonzero(rows & self.going):
             for each in needed:
                 each.load(row)
             entity = actor.load(row)
             try:
                 act(entity, int(row))
+            # The interpreter repeats this run from its beginning and gives the message, with file
+            # and line.
             except ToolchainError:
                 self.going[row] = False
                 continue
+            # A remark with a cause makes a run inconclusive: only a single run can give that
+            # verdict.
             if any(remark.cause for remark in self.single.remarks.found):
                 self.doubtful[row] = True
             self.single.remarks = Remarks()
@@ -347,6 +358,7 @@ class BatchSimulation(RunRows):
 
     def begin_process(self, process: BatchProcess, rows: BoolArray) -> None:
         """Have a process act in some runs: after all that have begun before, as in a single run."""
+        # Removed and appended, so that the order of the dict is the order in which actions began.
         if not process.active.any():
             self._order.pop(process, None)
             self._order[process] = self._processes[self._numbers[process]][1]
@@ -355,6 +367,7 @@ class BatchSimulation(RunRows):
     def take_over(self, actor: EntityRows, domain: str, rows: BoolArray) -> None:
         """End whatever owns a control domain of an entity, in some runs."""
         owners = actor.owners[domain]
+        # -1: owned by none.
         for number in np.unique(owners[rows]):
             if number >= 0:
                 process, element, _, _ = self._processes[number]
@@ -397,6 +410,7 @@ class BatchSimulation(RunRows):
         for story in self._stories:
             story.start(everyone)
         for entity in self.entities.values():
+            # An entity that appears later would need present and absent rows in every expression.
             if not entity.placed[self.going].all():
                 raise NotInArrays(f"{entity.name}: it appears in the course of a run")
         self._contacts()
@@ -441,6 +455,8 @@ class BatchSimulation(RunRows):
 
     def _contacts(self) -> None:
         """Find who touches now, or has touched within the step (`Contacts`)."""
+        # The same bounds as in `Contacts`, as masks: squares along x and y, then boxes, then the
+        # way within the step for pairs that were apart before.
         for a, b in self._pairs:
             pair = a.name, b.name
             way = np.hypot(b.vx - a.vx, b.vy - a.vy) * self.dt
@@ -466,6 +482,7 @@ class BatchSimulation(RunRows):
                 first = touching & (self.first_contact == math.inf) & self.going
                 self.first_contact[first] = since[first]
                 self.partner[first] = list(self.entities).index(other.name)
+                # Searches need only the ego's first contact: runs end soon after it.
                 if self.steps_after_contact is not None:
                     last = self.step_index + self.steps_after_contact
                     self._last[first] = np.minimum(self._last[first], last)
@@ -499,6 +516,7 @@ class BatchSimulation(RunRows):
         for act in self._acts:
             act.evaluate(rows)
         due = []
+        # All triggers are evaluated before the first event starts, as in `Storyboard.evaluate`.
         for event in self.events:
             waiting = rows & event.waits
             if waiting.any():
@@ -516,6 +534,7 @@ class BatchSimulation(RunRows):
         if ended.any():
             self._observer.end(self, ended)
             self.going &= ~ended
+        # Taking rows out copies every array, so it is done when enough of them are over.
         if self.going.sum() <= _SHARE * self.n:
             self.take(self.going.copy())
 

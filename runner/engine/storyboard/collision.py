@@ -74,17 +74,23 @@ class Contacts:
         if self._changes != run.changes:
             self._changes = run.changes
             everyone = list(run.entities.values())
+            # Compared by identity in document order: a change of anything else needs no new search
+            # for pairs.
             if everyone != self._everyone:
                 self._everyone, self._due = everyone, -math.inf
             for *_, separation in self._near:
                 separation.forget()  # an action may have put one of them elsewhere
+        # With few entities `_due` is infinite once all pairs are kept: no total is asked for.
         if self._due != math.inf:
             total = run.displacement.total if len(self._everyone) > FEW else math.inf
+            # The second part: the pairs are complete for displacements of up to `_longest` in one
+            # step only.
             if total >= self._due or total - self._total > self._longest:
                 self._near = self._look_around()
             self._total = total
         found: list[_Contact] = []
         for a, b, reach, separation in self._near:
+            # Boxes along x and y are the cheapest test; it ends here for most pairs.
             if not -reach <= b.x - a.x <= reach or not -reach <= b.y - a.y <= reach:
                 continue
             # Its last measurement excludes a contact now and, as the way is straight, on the way here.
@@ -103,9 +109,12 @@ class Contacts:
         if separation.touching:
             found.append((a, b, run.time))
             return
+        # They do not touch now. They can have touched within the step only if they were apart
+        # before it, and no further apart than they moved towards each other.
         way = math.hypot((b.vx - a.vx) * dt, (b.vy - a.vy) * dt)
         if before or separation.exceeds(way) or not run.step_index:
             return
+        # A teleport passes through nothing on its way.
         share = first_touch(a, b, dt) if not (jumped(a, dt) or jumped(b, dt)) else None
         if share is not None:
             found.append((a, b, run.time - (1.0 - share) * dt))
@@ -116,11 +125,13 @@ class Contacts:
         if len(self._everyone) <= FEW:
             self._due = math.inf
             return [_pair(a, b, _longest(a, b, dt)) for a, b in combinations(self._everyone, 2)]
+        # Sweep and prune: sorted by x, a search stops at the first one too far ahead.
         order = [entity for entity in self._everyone if entity.active and entity.placed]
         order.sort(key=_by_x)
         widest = max((entity.reach for entity in order), default=0.0)
         fastest = max((math.hypot(entity.vx, entity.vy) for entity in order), default=0.0)
         self._longest = _FASTER * fastest * dt
+        # Two entities move towards each other at the most.
         way = 2.0 * self._longest
         margin = max(_MARGIN, way)  # with those that were near in this step
         found = []
@@ -132,6 +143,7 @@ class Contacts:
                 near = a.reach + b.reach + margin
                 if dx <= near and abs(b.y - a.y) <= near:
                     found.append(_pair(a, b, way))
+        # Half of the margin each: no pair left out can touch before both have used theirs.
         self._due = self._run.displacement.after(_MARGIN / 2)
         return found
 
@@ -139,6 +151,8 @@ class Contacts:
         pairs: dict[tuple[str, str], float] = {}
         self._partners.clear()
         for a, b, since in found:
+            # Names in alphabetical order, so that the log does not depend on which one was declared
+            # first.
             pairs[(a.name, b.name) if a.name < b.name else (b.name, a.name)] = since
             self._partners.setdefault(a.name, []).append(b)
             self._partners.setdefault(b.name, []).append(a)

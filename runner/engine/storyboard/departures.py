@@ -64,6 +64,8 @@ def jolts(tracks: Iterable[Track]) -> tuple[str, ...]:
     """
     import numpy as np
 
+    # A brake reaches about 10 m/s²; a loss of speed above `_JOLT` is a model that ends, not a
+    # vehicle.
     found = []
     for track in tracks:
         time, speed = track.columns["time"][1:], np.abs(track.columns["speed"][1:])
@@ -136,6 +138,8 @@ class Departures:
         ego = self._ego
         if ego is None or not (ego.active and ego.placed):
             return
+        # Two shortcuts for an ego known to be well on the road: it is still in the lane section and
+        # at the offset judged before, or has not moved further than its clearance.
         if ego.on_lane:
             kept = ego.kept_lane == self._lane and ego.kept_offset == self._offset
             if ego.section is self._section and kept and not ego.at_road_end:
@@ -152,6 +156,7 @@ class Departures:
         self._off, self._ended = off, ended
         if off or ended:
             self._section = None
+        # Finding the clearance costs more than judging once, so it is tried in some steps only.
         elif run.step_index % _SLEEPLESS:
             return
         elif ego.on_lane:

@@ -73,10 +73,13 @@ class Simulation:
     def __init__(
         self, scenario: Scenario, world: World, timestep: float, seed: int, *, strict: bool = False
     ) -> None:
+        # A compiled scenario is used for many runs: what the last one has left is state, not part
+        # of it.
         scenario.reset()
         self.world = world
         self.dt = timestep
         self.seed = seed
+        # A generator of its own: other users of `random` in the process must not change a run.
         self.random = random.Random(seed)
         self.remarks = Remarks(strict)
         self.roads = Roads(scenario.network)
@@ -120,6 +123,7 @@ class Simulation:
         if remark:
             self.note("world", self.world.name, remark)
         self.signals.advance(self)
+        # Signals first: a condition of time 0 may ask for the phase of time 0.
         self.storyboard.begin(self)
         for entity in self.entities.values():
             if entity.active and entity.placed:
@@ -130,6 +134,8 @@ class Simulation:
                     "entity", entity.name, "has no position yet: absent until an action places it"
                 )
         self.contacts.update()
+        # Twice: the triggers at time 0 read speeds of entities that initial actions have placed,
+        # and what they start may set other speeds.
         self._set_velocities()
         self._evaluate()
         self._set_velocities()
@@ -153,9 +159,11 @@ class Simulation:
         if self.finished:
             return False
         dt = self.dt
+        # A copy: a process that ends leaves the list, and may end others.
         for process in tuple(self.processes):
             if process.running.step(dt):
                 process.element.finished(self, process)
+        # Before anyone else moves, so that its system observes all others at t.
         ego = self._ego
         if ego is not None and ego.active and ego.controls.tractor is None:
             assert self._driver is not None
@@ -170,6 +178,7 @@ class Simulation:
                 and controls.tractor is None
                 and entity is not ego
             ):
+                # Trailers follow the entity that tows them (`tow`), and the ego has moved already.
                 speed = controls.target_speed
                 if speed or entity.speed:
                     self._move(entity, speed, dt)
@@ -180,11 +189,16 @@ class Simulation:
             elif entity.active:
                 scripted.append(entity)
         self.step_index += 1
+        # Counted, not summed: 0.05 s added 20 times is not 1 s. Rounding lets times be compared
+        # with those of the file.
         self.time = round(self.step_index * dt, 9)
+        # Scripted entities are shown before the world steps, so that its own traffic reacts to
+        # where they are at t + dt.
         self.world.mirror(scripted)
         self.world.step()
         for entity in driven:
             self._read(entity)
+        # Only now: a goal is reached at the end of the step in which its action ends.
         if self.ended:
             self._look_back()
         self.contacts.update()
@@ -192,6 +206,7 @@ class Simulation:
             observe(self)
         self.recorder.record(self.time)
         self._evaluate()
+        # The row of this time was recorded before the triggers of this time moved them.
         if self.put:  # they are where an action has put them at this time, as at time 0
             self.recorder.correct(self.time, self.put)
             self.put.clear()
@@ -215,6 +230,8 @@ class Simulation:
                 self._say(process, actor, rest, "is under way when the run stops")
 
     def _say(self, process: Process, actor: Entity, rest: Rest, verb: str) -> None:
+        # A system or SUMO may do otherwise than the scenario asks: their rest is no fault of the
+        # runner.
         driven = actor.controls.driver is not None or actor.controls.world_driven
         if rest.left > rest.tolerance and not driven:
             element = process.element
@@ -244,11 +261,14 @@ class Simulation:
         decision = driver.decide(ego, self)
         motion = ego.controls.motion
         if decision.pose is not None:
+            # The motion is kept from step to step, and made anew when an action has given the ego
+            # another one.
             posed = motion if isinstance(motion, PosedMotion) else PosedMotion(self.roads)
             posed.put(ego, decision.pose.x, decision.pose.y, decision.pose.h)
         elif decision.steering is not None:
             steered = motion if isinstance(motion, SteeredMotion) else SteeredMotion(self.roads)
             steered.steer(ego, decision.steering)
+        # The system steers no longer: the lane is found again from where it has left the ego.
         elif isinstance(motion, SteeredMotion | PosedMotion):
             self.roads.back_to_lane(ego)
         self._move(ego, decision.speed, self.dt)
@@ -259,20 +279,26 @@ class Simulation:
         ego.controls.world_driven = False
         if LATERAL not in ego.controls.owners:
             self.roads.back_to_lane(ego)
+        # Its last speed on the world's side, since no target speed of the scenario applies to it.
         if not driver.scripted:
             ego.controls.target_speed = ego.speed
 
     def _move(self, entity: Entity, speed: float, dt: float) -> None:
         x, y, h, controls = entity.x, entity.y, entity.h, entity.controls
+        # It waits at the end of its road if it was there before this step and has not moved in it:
+        # the first step to the end still moves.
         waiting = entity.at_road_end
         speed = controls.motion.advance(entity, speed, dt)
         if entity.at_road_end:
             entity.at_road_end = not (waiting and speed)
             entity.road_end = entity.road_end + dt if waiting and not speed else 0.0
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
+        # Backward differences of the poses: they hold for each way of moving, and are what a
+        # recording of the poses would give.
         entity.ax, entity.ay = ax, ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
         entity.vx, entity.vy, entity.turn = vx, vy, entity.h - h
         entity.acceleration = acceleration = (speed - entity.speed) / dt
+        # A sum is infinite or NaN if one of its parts is: one test in place of three in each step.
         if not isfinite(ax + ay + acceleration):
             raise entity.declared.invalid(
                 f"{entity.name!r} moves too fast for a number at {self.time:g} s"
@@ -280,6 +306,7 @@ class Simulation:
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance
+        # Comparisons, not abs(): no call in each step of each entity.
         standing = -_STANDSTILL < speed < _STANDSTILL
         entity.standstill = entity.standstill + dt if standing else 0.0
         if controls.trailer is not None:
@@ -288,8 +315,11 @@ class Simulation:
     def _stay(self, entity: Entity) -> None:
         """One step of an entity that stands: once such a step has left all as it was, the same until something happens."""
         controls = entity.controls
+        # Trailers settle in their own time, and lateral motion may go on at standstill; neither is
+        # skipped.
         led = controls.owners or controls.target_offset is not None or controls.easing is not None
         still = controls.motion.stands and not led and controls.trailer is None
+        # A whole step has changed nothing, and nothing has happened since: only the clocks go on.
         if still and entity.settled == self.changes:
             entity.standstill += self.dt
             if entity.at_road_end:
@@ -317,6 +347,7 @@ class Simulation:
         standing = abs(reading.speed) < _STANDSTILL
         entity.standstill = entity.standstill + dt if standing else 0.0
         entity.x, entity.y, entity.h, entity.speed = reading
+        # The world gives a pose and no lane: the place is looked up when it is asked for.
         entity.on_lane = False
         self.roads.lift(entity)
         if entity.controls.trailer is not None:
@@ -339,6 +370,8 @@ class Simulation:
 
     def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
         """A storyboard element has made a transition; conditions see it from the next step on."""
+        # Published at the next step, so that the order of elements in the file has no effect on
+        # conditions.
         self._changed.append(element)
         self.storyboard.changed(element)
         self.note(transition.value, element.path, reason)
@@ -350,6 +383,7 @@ class Simulation:
                 element.publish()
             self._published, self._changed = self._changed, []
         if self._next_step:
+            # Calls may ask for further calls: those belong to the step after.
             calls, self._next_step = self._next_step, []
             for call in calls:
                 call(self)
@@ -390,6 +424,7 @@ class Simulation:
 
     def end_actions(self, entity: Entity, reason: str) -> None:
         """End all actions of an entity, as if newer ones had taken their control domains."""
+        # A list, since overriding removes from the processes.
         for process in [process for process in self.processes if process.actor is entity]:
             process.override(reason)
 
@@ -405,6 +440,7 @@ class Simulation:
 
     def relocated(self, entity: Entity) -> None:
         """Show an entity, and its trailers, where an action has put it at this time, not only after the coming step."""
+        # `train`: the entity and all that it tows.
         self.put += train(entity)
 
     def drive(self, entity: Entity) -> bool:
@@ -427,6 +463,7 @@ class Simulation:
         """Bring an entity that has got its first place into the world, at the speed that it was last asked for."""
         self.wake()
         for member in train(entity):
+            # A trailer that is present already was placed by itself: it keeps its state.
             if member is entity or not member.active:
                 member.active = True
                 member.controls.target_speed = entity.controls.target_speed
@@ -441,6 +478,7 @@ class Simulation:
         for process in self.processes:
             if entity is process.running.follows():
                 process.element.lose(self, entity)
+        # The entity lets go of its trailer, and of the vehicle that tows it.
         for tractor in (entity, entity.controls.tractor):
             if tractor is not None and tractor.controls.trailer is not None:
                 disconnect(self.roads, tractor)

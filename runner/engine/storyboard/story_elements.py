@@ -101,6 +101,8 @@ class Element:
         self.change(run, ElementState.RUNNING, Transition.START, reason)
         for child in self.children:
             child.arm(run)
+        # An element without children, or whose children were complete at once, ends in the same
+        # step.
         self.child_completed(run)
 
     def arm(self, run: StoryboardRun) -> None:
@@ -109,6 +111,8 @@ class Element:
 
     def stop(self, run: StoryboardRun, reason: str = "") -> None:
         """→ complete by stopTransition, children included."""
+        # A complete element makes no second transition: stopTransition starts from standby or
+        # running.
         if self.state is ElementState.COMPLETE:
             return
         for child in self.children:
@@ -131,6 +135,8 @@ class Element:
     def rearm(self, run: StoryboardRun) -> None:
         """Back to standby without a transition, children included: the parent executes anew."""
         self.state = ElementState.STANDBY
+        # The standard has no transition from complete to standby, so none is published; conditions
+        # on the state have to see standby all the same.
         run.element_rearmed(self)
         for child in self.children:
             child.rearm(run)
@@ -199,6 +205,8 @@ class ActionElement(Element):
     @property
     def adds(self) -> list[Entity]:
         """Entities that it adds and that are absent now."""
+        # `active` is asked when the event starts, not when the scenario is compiled: an entity that
+        # was deleted meanwhile may be added again.
         placed = [
             entity
             for action in self.actions
@@ -219,6 +227,8 @@ class ActionElement(Element):
                 self._begin(run, None, action.start(run), ())
             else:
                 for actor in actors:
+                    # An entity without a place so far is brought in by its first position, as in
+                    # Init; one that was deleted needs an AddEntityAction.
                     if actor.active or (action.places and not actor.placed):
                         self._start_private(run, action, actor)
                     else:
@@ -235,14 +245,18 @@ class ActionElement(Element):
     def _start_private(self, run: StoryboardRun, action: PrivateAction, actor: Entity) -> None:
         domains = action.claims()
         for domain in domains:
+            # The newest action owns the control domain (7.5.1); ending the old one first lets it
+            # give back what it holds before the new one reads the actor's state.
             owner = actor.controls.owners.get(domain)
             if owner is not None:
                 owner.override(f"overridden by {self.path}")
         for entity in action.references():
+            # A deleted entity keeps its last place: the action refers to that, with a remark.
             if entity.placed and not entity.active and entity is not actor:
                 self.lose(run, entity)
         self._begin(run, actor, action.start(actor, run), domains)
         if not actor.active:
+            # After the start: only now the actor has the place that the action gives it.
             run.enter(actor)
 
     def lose(self, run: StoryboardRun, entity: Entity) -> None:
@@ -272,12 +286,15 @@ class ActionElement(Element):
     def finished(self, run: StoryboardRun, process: Process) -> None:
         """One of the processes has reached its goal."""
         self._drop(run, process)
+        # What is left to its goal is read at the end of the step, after the entity has moved.
         run.ended.append(process)
         if self.state is ElementState.RUNNING and not self._processes:
             self.end(run)
 
     def override(self, run: StoryboardRun, process: Process, reason: str) -> None:
         """A newer action takes a control domain from one of the processes: as if stopped (standard 7.5.1)."""
+        # 7.5.1: a selection of entities counts as one actor, so a conflict for one of them ends the
+        # action for all of them.
         if self.whole:
             self.stop(run, reason)
         else:
@@ -289,6 +306,7 @@ class ActionElement(Element):
 
     def stop(self, run: StoryboardRun, reason: str = "") -> None:
         """Stop all processes, → complete by stopTransition."""
+        # A copy, since `_drop` removes from the list.
         for process in tuple(self._processes):
             self._drop(run, process)
         super().stop(run, reason)
@@ -299,6 +317,8 @@ class ActionElement(Element):
         self._processes.clear()
 
     def _drop(self, run: StoryboardRun, process: Process) -> None:
+        # `end_actions` holds a copy of the list: the override of one process may have ended its
+        # siblings.
         if process in self._processes:
             self._processes.remove(process)
             run.processes.remove(process)

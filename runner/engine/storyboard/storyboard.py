@@ -76,9 +76,13 @@ class Event(Element):
             else []
         )
         self.executions += 1
+        # A skipped event counts as an execution: `maximumExecutionCount` then limits skips too, and
+        # an event that is skipped for the last time completes.
         if self.priority == "skip" and others:
             self._skip(run, reason)
             return
+        # `overwrite` is the name of the priority up to 1.1, deprecated by 1.2 in favour of
+        # `override`.
         if self.priority in ("override", "overwrite"):
             for other in others:
                 other.stop(run, f"overridden by {self.path}")
@@ -99,9 +103,13 @@ class Event(Element):
         self.change(run, ElementState.RUNNING, Transition.START, reason)
         for action in self.children:
             action.rearm(run)
+        # `sorted` is stable: actions that add an entity precede those that may act on it, all else
+        # stays in document order.
         for action in sorted(self.actions, key=lambda action: not action.adds):
             if self.state is ElementState.RUNNING:
                 action.execute(run, actors)
+        # Actions that took no time are complete by now; while they were being started the event
+        # could not end, see `child_completed` below.
         self.child_completed(run)
 
     def end(self, run: StoryboardRun) -> None:
@@ -153,6 +161,7 @@ class ManeuverGroup(Element):
         """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
         selected: tuple[Entity, ...] = ()
         if self.select_triggering:
+            # An event without a start trigger starts with its act, so the act's trigger selects.
             trigger = event.trigger or (
                 self.parent.trigger if isinstance(self.parent, Act) else None
             )
@@ -170,11 +179,16 @@ class ManeuverGroup(Element):
         """running → standby while executions are left, to start again in the next step; else → complete."""
         if self.executions < self.maximum:
             self.change(run, ElementState.STANDBY, Transition.END)
+            # In the same step its conditions on element states would never see the group in
+            # standby, and a group of actions without duration would execute all its repetitions at
+            # once.
             run.call_next_step(self._restart)
         else:
             super().end(run)
 
     def _restart(self, run: StoryboardRun) -> None:
+        # A stop trigger may have ended the act, and with it this group, since the call was left
+        # behind.
         if (
             self.state is ElementState.STANDBY
             and self.parent is not None
@@ -236,6 +250,8 @@ class Act(Element):
         stops = self.state is ElementState.RUNNING
         if not stops:
             self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
+        # Start and stop trigger are both true in one step: the act starts and stops in it, since
+        # the stop trigger is evaluated from the start on and must not wait for the next step.
         if self.state is not ElementState.RUNNING or self.stop_trigger is None:
             return
         if stops or self.stop_trigger.fires(run):
@@ -319,6 +335,7 @@ class Storyboard:
         """Run the initial actions, then start the stories."""
         for actor, element in ordered_init(self.init):
             element.execute(run, [actor] if actor is not None else [])
+        # Acts and events are watched by two lists; places number both in one document order.
         acts = self.acts
         self._places = {
             element: place
@@ -336,6 +353,7 @@ class Storyboard:
     def changed(self, element: Element) -> None:
         """To be called when an element has changed its state: it may wait for a trigger from now on."""
         self._until = -math.inf
+        # Any change of state may end the waiting of elements below it.
         self._acts.stale = self._events.stale = True
         if isinstance(element, Event):
             self._arming.append(element)
@@ -348,6 +366,8 @@ class Storyboard:
         All triggers look at the same instant: no event starts before every waiting one has been
         looked at.
         """
+        # Nothing can fire before `_until` unless the run changes: most steps of most scenarios end
+        # here.
         if run.time < self._until and run.changes == self._changes:
             return False
         if self.stop_trigger is not None and self._stop.due(run):
@@ -358,15 +378,20 @@ class Storyboard:
             return True
         for act in self._acts.due(run):
             act.fire(run)
+            # Now its stop trigger is awaited in place of the start trigger.
             self._acts.add(self._places[act], act, act.stop_trigger)
         for event in self._arming:
             if event.waits:
                 self._events.add(self._places[event], event, event.trigger)
         self._arming = []
         due = self._events.due(run)
+        # All due events were found before the first one starts, so what one of them changes cannot
+        # fire another in this step. Some may not wait any more: an earlier event has overridden or
+        # stopped them.
         for event in _adding_first(due) if len(due) > 1 else due:
             if event.waits:
                 event.begin(run)
+        # With everything dormant the whole evaluation rests until the earliest of the ends.
         if not (self._arming or self._events.awake or self._acts.awake or self._stop.awake):
             self._changes = run.changes
             self._until = min(self._stop.quiet, self._acts.quiet, self._events.quiet)
@@ -390,6 +415,7 @@ def ordered_init(
     """
     pending, done = list(init), []
     while pending:
+        # In a circle nothing is ready: the first in the document is taken, so that the loop ends.
         ready = next((item for item in pending if not _waits(item, pending)), pending[0])
         pending.remove(ready)
         done.append(ready)
@@ -403,6 +429,8 @@ def _waits(
     for action in element.actions:
         needed = {id(entity) for entity in action.references()}
         for other, others in pending if needed else ():
+            # The actor's own actions keep document order; entities that the action does not refer
+            # to cannot matter to it.
             if other is not None and (other is actor or id(other) not in needed):
                 continue
             if any(
@@ -416,6 +444,8 @@ def _waits(
 
 def _prepares(earlier: Action, later: Action, needed: set[int]) -> bool:
     if isinstance(earlier, PrivateAction):
+        # A relative speed needs the speed of the other entity, so actions in the same control
+        # domain count; a position needs its place only.
         return earlier.places or (
             isinstance(later, PrivateAction)
             and not set(earlier.claims()).isdisjoint(later.claims())
@@ -425,6 +455,8 @@ def _prepares(earlier: Action, later: Action, needed: set[int]) -> bool:
 
 def _adding_first(due: list[Event]) -> list[Event]:
     """Events that start in one step: those that add an absent entity before the first one that acts on it, else as they are."""
+    # Events without AddEntityAction stay in document order; only those whose actors are added in
+    # this same step move behind the event that adds them.
     adding = {
         event: added
         for event in due
@@ -461,6 +493,8 @@ def check_actors(storyboard: Storyboard) -> None:
     for action, actors in starts:
         if isinstance(action, PrivateAction):
             for actor in actors:
+                # If triggers select actors, any entity may be placed by any action: its places are
+                # unknown, not none.
                 action.check(actor, None if selects else places.get(actor, []))
 
 

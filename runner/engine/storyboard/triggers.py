@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")
+# Times are multiples of the step rounded to 1e-9 s; a delay that is served at this very step may
+# miss it by the rounding of `time - delay`.
 _EPSILON = 1e-6
 _RETRY = 8
 """Steps from one look whether a trigger is dormant to the next; doubled while it is not"""
@@ -97,6 +99,8 @@ class TimedCondition:
         value = self.condition.evaluate(run)
         if self.edge != "none":
             before, self._previous = self._previous, value
+            # Whether the present stretch of true values began with the first evaluation, which is
+            # no edge: `missed` then knows that the rise is in the past.
             if before is not value:
                 self._held = before is None and value
             rising, falling = before is False and value, before is True and not value
@@ -111,6 +115,8 @@ class TimedCondition:
 
     def _delayed(self, time: float, value: bool) -> bool:
         """The value of `delay` ago, with this one added to the history, where it is not the same as the one before."""
+        # Only changes are kept, so the history stays short for any delay. Its first entry is the
+        # value that was valid `delay` ago.
         history, then = self._history, time - self.delay + _EPSILON
         if not history or history[-1][1] != value:
             history.append((time, value))
@@ -124,17 +130,22 @@ class TimedCondition:
         history, edge = self._history, self.edge != "none"
         if self.delay > 0.0:
             since, value = history[-1]
+            # Two epsilons before the end of the delay, so that rounding never lets it sleep through
+            # the step in which `_delayed` finds the value.
             if value and not edge and len(history) <= 2:  # true, which counts after the delay
                 served = Dormancy(since + self.delay - 2.0 * _EPSILON)
                 return self.condition.dormant_until(run).both(served)
             settled = len(history) == 1 and not value
         else:
+            # An edge that has not fired stays away while the expression does not change, true or
+            # false; without an edge only false means that the trigger cannot fire.
             settled = edge or not self.condition.evaluate(run)
         return self.condition.dormant_until(run) if settled else AWAKE
 
     @property
     def missed(self) -> bool:
         """Whether it waits for a rise that has been, and that there can be only one of, or was true throughout."""
+        # A rise still in the history counts later: the delay has not let it through yet.
         true = self.edge == "rising" and self._previous is True
         past = true and (self._held or self.condition.stays_true)
         return past and not any(rose for _, rose in self._history)
@@ -171,6 +182,8 @@ class Trigger:
         """
         if node is None:
             return None
+        # CARLA's scenario_runner writes its pass criteria as conditions of stop triggers; they
+        # judge the run and must not end it.
         stop = node.tag == "StopTrigger"
         groups: list[list[TimedCondition]] = []
         for group in node.children("ConditionGroup"):
@@ -228,12 +241,17 @@ class Trigger:
         for group in self.groups:
             true = True
             for condition in group:
+                # Edges and delays miss a change if they skip a step, so conditions with memory are
+                # evaluated also where the group is false already. The first true group fires, in
+                # document order.
                 if (true or condition.keeps_memory) and not condition.evaluate(run):
                     true = False
             if true and fired is None:
                 fired = group
         if fired is None:
             return False
+        # A dict keeps the order of conditions and drops entities named twice; the order of a set
+        # would vary from process to process, and with it that of the actors.
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
         self.fired = fired
         self.reason = " and ".join(condition.describe(run) for condition in fired)
@@ -252,6 +270,8 @@ class Trigger:
 
 
 def _by_length(end: Dormancy) -> tuple[bool, float, float, bool]:
+    # Displacements come in each step of a moving scenario, so an end by time alone counts as
+    # longer.
     return end.way == math.inf, end.time, end.way, not end.undisturbed
 
 
@@ -311,6 +331,7 @@ class Watch(Generic[Waiting]):
 
     def due(self, run: Instant) -> list[Waiting]:
         """Evaluate once a step: elements that wait and whose triggers fire, in document order."""
+        # Heaps: the earliest end is first, so a step in which nothing wakes costs two comparisons.
         if self._by_time and self._by_time[0][0] <= run.time:
             self._wake(self._by_time, run.time)
         if self._by_way and self._by_way[0][0] <= run.displacement.total:
@@ -321,12 +342,16 @@ class Watch(Generic[Waiting]):
             self._undisturbed = []
         if self.stale:
             self.stale = False
+            # Elements that were stopped, or have started, are dropped here and not where it
+            # happens: several may change in one step.
             self.awake = [place for place in self.awake if self._watched[place].element.waits]
         found = []
         for place in self.awake:
             watched = self._watched[place]
             if watched.trigger is None or watched.trigger.fires(run):
                 found.append(watched.element)
+                # A fired trigger is not asked for its dormancy in the same step: the element is
+                # about to change.
                 watched.retry = run.step_index + 1
                 self._retry = min(self._retry, watched.retry)
         if self.awake and run.step_index >= self._retry:
@@ -349,6 +374,7 @@ class Watch(Generic[Waiting]):
         index = bisect_left(self.awake, place)
         if watched.element.waits and self.awake[index : index + 1] != [place]:
             self.awake.insert(index, place)
+        # Step 0 is always past: it is asked in this step whether it is dormant again.
         watched.retry = self._retry = 0
 
     def _settle(self, run: Instant) -> None:
@@ -364,12 +390,15 @@ class Watch(Generic[Waiting]):
 
     def _sleeps(self, run: Instant, watched: _Watched[Waiting]) -> bool:
         """Whether a trigger that has not fired is left alone from now on."""
+        # Without a trigger it is due in every step in which it waits.
         if watched.trigger is None:
             watched.retry = sys.maxsize
             return False
         until = watched.trigger.dormant_until(run)
         near = until.way < math.inf and run.displacement.reaches(until.way, _WORTH)
         if near or until.time <= run.time + _WORTH * run.dt:
+            # Doubling bounds the cost of triggers that are awake for long: they are asked every
+            # `_LONGEST` steps only.
             watched.retry = run.step_index + watched.pause
             watched.pause = min(2 * watched.pause, _LONGEST)
             return False
@@ -394,6 +423,8 @@ class OneShotCondition(TimedCondition):
     __slots__ = ("_begun", "_measuring", "_reason")
 
     def __init__(self, name: str, condition: Condition, edge: str, delay: float) -> None:
+        # scenario_runner ticks the behaviour of a condition until it has succeeded once, and reads
+        # no edge.
         super().__init__(name, condition, "none", delay)
         self.keeps_memory = True
         self.evaluate = self._lasting
