@@ -60,6 +60,7 @@ class Share(NamedTuple):
 
         if not self.runs:
             return 0.0, 1.0
+        # Exact, not normal: with no collision in n runs a normal interval would have no width.
         found = binomtest(self.collisions, self.runs).proportion_ci(CONFIDENCE, "exact")
         return float(found.low), float(found.high)
 
@@ -128,6 +129,7 @@ def _upper(hits: int, trials: int) -> float:
     """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson, Biometrika 26, 1934."""
     from scipy.stats import beta
 
+    # Clopper and Pearson's upper limit is this quantile of a beta distribution.
     return float(beta.ppf(CONFIDENCE, hits + 1, trials - hits)) if hits < trials else 1.0
 
 
@@ -152,9 +154,12 @@ class Gate(NamedTuple):
         if self.replayed is None:
             return None
         unfaithful = self.unprevented or self.replayed
+        # First the scenario: if replays of traffic collide, it does not replay them, and no draw
+        # says anything.
         if unfaithful.interval[0] > UNFAITHFUL:
             careful = " with each careful driver too" if self.unprevented is not None else ""
             return f"{unfaithful} replays of recordings collide{careful}, where none of the recordings did"
+        # Intervals apart: the density collides more often than chance explains.
         if self.drawn.interval[0] > self.replayed.interval[1]:
             return f"{self.drawn} of its draws collide, far more often than {self.replayed} replays of recordings"
         return None
@@ -164,6 +169,7 @@ class Gate(NamedTuple):
         """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its draws."""
         if self.replayed is None:
             return False
+        # Power of the test: with few replays the interval is so wide that nothing would be refused.
         poor = Share(round(TESTABLE * self.drawn.runs), self.drawn.runs)
         return poor.interval[0] > self.replayed.interval[1]
 
@@ -245,6 +251,7 @@ class Domain:
                         path=scenario,
                     )
                 least, most = found.get(name, (low, high))
+                # Limits of several texts hold together.
                 found[name] = max(low, least), min(high, most)
                 pinned = space.pinned.get(name)
                 if pinned is not None and not low <= float(pinned) <= high:
@@ -283,6 +290,7 @@ def _limits(
 
 def _is_ego_speed(role: Role, roles: Mapping[str, Role]) -> bool:
     """Whether it is the ego's speed: that of the vehicle that is not the actor, unless the ego acts itself."""
+    # In a lane change of the ego the ego is the actor, and the role `ego_speed` is its leader's.
     acts = any(each.actor == EGO and each.role == "start_speed" for each in roles.values())
     return (
         role.role in ("start_speed", "end_speed", "final_speed") and role.actor == EGO

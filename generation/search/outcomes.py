@@ -273,6 +273,7 @@ def measures(result: RunResult, rss: str) -> dict[str, Any]:
     found = {
         "collision": collision,
         "r_risk": seen.risk(rss) or 0.0,
+        # A contact at the side has no time to collision with a lead: by definition it is 0 then.
         "min_ttc": 0.0
         if collision
         else float(
@@ -305,6 +306,7 @@ def episode(job: Job, settings: RunSettings, rss: str) -> dict[str, Any]:
 
 def _row(found: Outcome) -> dict[str, Any]:
     """Return the columns of `Outcomes` for one run. An inconclusive run is neither a success of the system nor a failure."""
+    # Kept apart from failures: a run that tested nothing must not count for or against the system.
     lost = found.state in ("error", INCONCLUSIVE)
     status = found.state if lost else found.status
     ended = {
@@ -324,6 +326,7 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
             if isinstance(job, SimulationJob) and job.sut is not None
             else settings
         )
+        # The run's own default ends with the first contact, which would cut the measures after it.
         if (
             chosen.end_after_collision is None
         ):  # measures are of the whole encounter, with every driver
@@ -334,6 +337,7 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
             result = run(job.scenario, chosen, parameters=job.parameters)
             verdict = result.verdict
             found = measures(result, rss) if verdict.outcome != INCONCLUSIVE else {}
+    # One broken point of a thousand is a row with an error, not the end of the search.
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)
     told = one_line("; ".join(verdict.reasons))
@@ -383,6 +387,7 @@ class FullBraking:
             [np.concatenate([[getattr(ego, name)], getattr(others, name)]) for name in names]
         )
         there = np.concatenate([[np.ones(len(run), bool)], others.present])
+        # NaN compares false with anything: an entity that appears counts as unchanged.
         now = np.where(there, now, np.nan)
         if not self._states.size:
             self._states = np.full((*now.shape[:2], len(self._active)), np.nan)
@@ -443,6 +448,8 @@ Drivers = Callable[[FloatArray, str], Outcomes]
 def survivors(theta: FloatArray, drivers: Drivers) -> BoolArray:
     """The points (n,) of (n, d) that one of the `JUDGES` survives; each is asked only where those before it have not."""
     found = np.zeros(len(theta), bool)
+    # Runs are what a search pays for: the second judge drives only what the first one does not
+    # survive.
     for judge in JUDGES:
         left = np.flatnonzero(~found)
         if left.size:
@@ -491,6 +498,8 @@ def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
     rows = np.flatnonzero(found.executed & found.collision)
     if sut != FULL_BRAKING or not rows.size:
         return found
+    # If nobody changes anything before the contact, full braking never starts: its run is the
+    # scripted one, contact and all.
     hit, scripted = found.take(rows), drivers(theta[rows], "none")
     same = np.isclose(hit.conflict, scripted.conflict) & np.isclose(
         hit.impact_speed, scripted.impact_speed
@@ -515,6 +524,7 @@ def remembering(drivers: Drivers) -> Drivers:
 
     def driving(theta: FloatArray, sut: str) -> Outcomes:
         keys = [(sut, tuple(row)) for row in theta.tolist()]
+        # A dict drops rows that are asked for twice in one call.
         missing = {key: row for row, key in enumerate(keys) if key not in known}
         if missing:
             found = drivers(theta[list(missing.values())], sut)
@@ -629,10 +639,13 @@ def choose(
     drivers = remembering(drivers)
     log_likelihood, foreseeable = judged(episodes.theta)
     executed, collision = episodes.outcomes.executed, episodes.outcomes.collision
+    # Stable, so that equal likelihoods keep the order of the search, on every platform.
     order = np.argsort(-log_likelihood, kind="stable")
     taken = _Taken(space, choice, found)
     taken.add(
         episodes.theta,
+        # Cheap conditions first: preventability costs runs of the judges, and is asked last, of
+        # few.
         order[(executed & collision & foreseeable)[order]],
         lambda rows: survivors(rows, drivers),
     )
@@ -667,6 +680,8 @@ class _Taken:
         order = order[
             apart(unit[order], np.concatenate([unit[self.rows], found]), self._choice.apart)
         ]
+        # In rounds: rows that are apart from each other are judged together, which fills the
+        # processes, and those near to a row that counts are dropped unjudged.
         while order.size and len(self.rows) < self._choice.most:
             some = order[
                 diverse(unit[order], self._choice.apart, self._choice.most - len(self.rows))
@@ -718,6 +733,7 @@ def _columns(space: Space, part: str, episodes: Episodes) -> dict[str, Any]:
     columns = {"part": np.full(len(episodes.theta), part), **theta, **outcomes}
     columns["reward"] = np.asarray(episodes.rewards)
     return {
+        # Null, since readers of Parquet differ in what they make of infinity.
         name: pa.array(values, mask=~np.isfinite(values) if values.dtype.kind == "f" else None)
         for name, values in columns.items()
     }

@@ -52,6 +52,7 @@ class ArrayPlays:
     ) -> None:
         run = run or RunSettings()
         self._scenario, self._space, self._rss = scenario, space, rss
+        # Measures are those of the whole encounter, as in `outcomes._episode`.
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
         drawn = space.draw(_TRIED, np.random.default_rng(0))
@@ -70,11 +71,13 @@ class ArrayPlays:
             Unsupported: it can't be asked for many points at once.
         """
         settings = self._run if sut is None else replace(self._run, sut=sut)
+        # An end shortly before a contact counts as an episode: its measures say how near it came.
         asked = replace(settings, least=("reserve=0", *settings.least))
         sets = [self._values(row) for row in theta]
         columns = {name: np.array([value] * len(sets)) for name, value in NOTHING.items()}
         columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
         known = np.zeros(len(sets), bool)
+        # Sets that differ in more than numbers are compiled apart.
         for structure in structures(self._scenario, sets, asked) if sets else ():
             for block in play(structure, asked, _BLOCK):
                 done = block.outcomes.outcome != OPEN
@@ -82,6 +85,8 @@ class ArrayPlays:
                 known[rows] = True
                 for name, values in _columns(block.outcomes, self._rss).items():
                     columns[name][rows] = values[done]
+        # Left open by the arrays: a remark that makes a run inconclusive, or an error, which the
+        # interpreter tells with file and line.
         for row in np.flatnonzero(~known):
             job = Job(str(row), self._scenario, self._scenario, sets[row])
             for name, value in episode(job, settings, self._rss).items():
@@ -126,6 +131,7 @@ def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
     for row in np.flatnonzero(failed).tolist():
         contact = int(outcomes.contact[row] / outcomes.dt)
         around = slice(max(contact - _AROUND, 0), contact + _AROUND)
+        # A few instants about the contact are enough in most cases; else the whole run is searched.
         impact = first_impact(*_motions(outcomes, row, around)) or first_impact(
             *_motions(outcomes, row, slice(None))
         )

@@ -169,6 +169,7 @@ class History(Episodes):
             with np.load(path, allow_pickle=False) as found:
                 outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
                 return cls(found["theta"], outcomes, found["rewards"])
+        # A file cut short, or of another kind, fails in numpy, zipfile or zlib, depending on where.
         except (
             OSError,
             ValueError,
@@ -251,6 +252,7 @@ class Calls:
 
     def __call__(self, theta: FloatArray) -> Episodes:
         """Evaluate the points (n, d), brought into the box; only the first ones, where the budget ends before them."""
+        # Clipped before the run, so that history and files hold the values that were run.
         theta = self.problem.space.clip(np.asarray(theta, dtype=np.float64)[: self.left])
         outcomes = self.problem.evaluate(theta)
         self.left -= len(theta)
@@ -310,6 +312,7 @@ class Memory:
             )
         self._places: dict[bytes, tuple[int, int]] = {}
         self._blocks: list[tuple[FloatArray, Outcomes]] = []
+        # A point may be there twice: the last record counts.
         entries = list({tuple(entry["theta"]): entry for entry in entries}.values())
         if entries:
             self._keep(
@@ -319,7 +322,9 @@ class Memory:
     def __call__(self, theta: FloatArray) -> Outcomes:
         """Outcomes of points (n, d)."""
         theta = np.ascontiguousarray(theta, np.float64)
+        # Bytes, not rounded values: an answer counts for exactly the point that was run.
         keys = [row.tobytes() for row in theta]
+        # Backwards, so that of equal rows in one request the first one is asked.
         missing = {
             key: number
             for number, key in reversed(list(enumerate(keys)))
@@ -332,6 +337,8 @@ class Memory:
         if not places:
             return Outcomes.of(0)
         found, order = list[Outcomes](), list[int]()
+        # Answers lie in blocks, one for each request; gathering by block copies columns instead of
+        # values.
         for block in dict.fromkeys(block for block, _ in places):
             numbers = [number for number, (of, _) in enumerate(places) if of == block]
             found.append(

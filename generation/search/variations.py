@@ -126,6 +126,8 @@ class Writer:
             self._folder,
             ExportSettings(roads=roads_in(*run.road_path), catalog_path=run.catalog_path),
         )
+        # Copies of everything that the scenario refers to, so that the folder runs wherever it is
+        # moved to.
         standard.add(
             _with_road(self._document, space), None, draft
         )  # parameters must stay: in other versions of the standard they may not
@@ -196,6 +198,8 @@ class Writer:
         document = replace(document, path=path)
         if tags:
             self._folder.write(f"{stem}.openlabel.json", as_openlabel(tags, path.name, AUTHOR))
+            # Properties in the FileHeader exist from 1.2 on; OpenLABEL beside the file has the tags
+            # of any version.
             document = annotated(document, tags) if document.version >= (1, 2) else document
         self._folder.write(path.name, to_bytes(document))
         return path
@@ -221,6 +225,8 @@ class Written:
         for name, content in (read_object(self._notes) if self._notes.exists() else {}).items():
             path = self._folder / name
             if (
+                # Names come from a file that may have been edited: nothing outside the folder is
+                # removed.
                 path.parent == self._folder
                 and path.is_file()
                 and (changed or digest(path.read_bytes()) == content)
@@ -320,6 +326,8 @@ def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tupl
     Raises:
         NothingToVary: there is one set alone, or no such parameter.
     """
+    # The first number that is another one in each set is the coordinate; the others follow its
+    # value.
     for name in sets[0]:
         try:
             values = [float(each[name]) for each in sets]

@@ -33,6 +33,8 @@ class Method(NamedTuple):
 
 def methods_of(package: str) -> dict[str, Method]:
     """The methods of a folder by name, sorted; none of its modules is imported."""
+    # `described` reads the literal `METHODS` from the source: importing all methods would load
+    # torch.
     found = {
         name: Method(f"{package}.{module}", **description)
         for module, methods in described(package, "METHODS").items()

@@ -134,6 +134,8 @@ class _Search:
             Frame.of(problem.space, prior, self._generator),
             distinctive(problem.space),
         )
+        # Distances of the settings are root mean squares over parameters: times √k they are
+        # Euclidean ones.
         self._reach = float(np.sqrt(self._told.sum()))
         least, share = settings.batch
         self._batch = max(least, round(share * budget))
@@ -142,18 +144,23 @@ class _Search:
         self._forest, self._process = Forest(), GaussianProcess(_HELD)
         self._plays = problem.plays
         share, most = settings.played
+        # Plays cost little, so traffic is stood for by more draws; the greatest number bounds the
+        # matrix of distances in `_most`.
         played = max(settings.drawn, min(share * budget, most))
         self._traffic = prior.sample(
             settings.drawn if self._plays is None else played, self._generator
         )
         self._chance: FloatArray | None = None
         self._emitters: list[Predict] = [
+            # The forest splits by single values, so it reads the unit cube; the process has round
+            # kernels, so it reads whitened coordinates.
             lambda theta: self._forest.failing(self._unit(theta)),
             lambda theta: self._process.failing(self._frame.coordinates(theta)),
         ]
         if self._plays is not None:
             verdicts = partial(self._verdicts, self._plays)
             chance = verdicts(self._traffic)
+            # Verdicts do not change: draws of traffic that pass have nothing to reveal, ever.
             self._traffic, self._chance, self._emitters = (
                 self._traffic[chance > 0.0],
                 chance[chance > 0.0],
@@ -162,10 +169,13 @@ class _Search:
 
     def run(self) -> History:
         """Search."""
+        # Models learn from runs, so some have to come first; plays need none.
         if self._plays is None:
             self._spend(self._prior.sample(self._settings.first, self._generator))
         while self._calls.left:
             runs = min(self._batch, self._calls.left)
+            # Draws of the density fill up what the guided runs leave: early on the models predict
+            # nothing.
             guided = self._guided(runs - round(self._settings.explored * runs))
             explored = self._prior.sample(runs - len(guided), self._generator)
             self._spend(np.concatenate([explored, guided]))
@@ -185,8 +195,11 @@ class _Search:
     def _guided(self, n: int) -> FloatArray:
         """Points (n, d), or fewer: each emitter chooses its part of them among what those before it have left."""
         theta, parts = self._candidates(), list[FloatArray]()
+        # Before any run: what is not foreseeable can be no edge case, whatever comes of it.
         theta = theta[self._prior.foreseeable(theta)]
         theta = self._unlike(theta, self._theta)
+        # An equal part of what is left: runs that one emitter has no candidates for are the next
+        # one's.
         for left, emitter in zip(range(len(self._emitters), 0, -1), self._emitters, strict=True):
             parts.append(self._covering(theta, emitter, (n - sum(map(len, parts))) // left))
             theta = self._unlike(theta, parts[-1])
@@ -197,6 +210,7 @@ class _Search:
         worth, traffic = emitter(theta), self._unit(self._traffic)
         theta, worth = theta[worth > 0.0], worth[worth > 0.0]
         chance = emitter(self._traffic) if self._chance is None else self._chance
+        # Draws near a known failure are covered already and count nothing.
         left = np.where(
             apart(traffic, self._unit(self._failures), self._settings.radius), chance, 0.0
         )
@@ -230,6 +244,8 @@ class _Search:
             traffic: draws (t, k) that stand for traffic. left: predicted failure (t,) of those that
                 are not covered.
         """
+        # Greedy choice of a submodular function, at least 1 - 1/e of the best one (Nemhauser et al.
+        # 1978): near @ left is the probability mass that a candidate would cover now.
         near = (cdist(unit, traffic) < self._settings.radius * self._reach).astype(np.float64)
         free, chosen = np.ones(len(unit), bool), list[int]()
         while len(chosen) < n and free.any():
@@ -239,6 +255,7 @@ class _Search:
                 np.square(unit - unit[best]).sum(axis=1)
                 >= (self._settings.least * self._reach) ** 2
             )
+            # A run that is sure to fail covers its surroundings, an uncertain one a part of them.
             left = left * (1.0 - near[best] * min(worth[best], _SURE))
         return np.array(chosen, np.int64)
 
@@ -247,6 +264,7 @@ class _Search:
         outcomes = plays(theta)
         failing = outcomes.collision & outcomes.executed
         worth = np.where(failing, self._settings.unpreventable, 0.0)
+        # Only failures are played with careful drivers: these are few of the draws.
         worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], plays)
         return worth
 
@@ -285,6 +303,8 @@ class Frame:
     def of(cls, space: Space, prior: Prior, generator: np.random.Generator) -> Frame:
         """Build from a prior's recorded points, or from draws if there are too few."""
         varied = np.array([name not in prior.nuisances for name in space.names])
+        # A covariance of k columns needs more than k rows; twice as many keep it from being
+        # singular.
         rows = prior.theta if len(prior.theta) > 2 * len(varied) else prior.sample(1000, generator)
         return cls(space, prior, varied, Whitening.of(space.unit(rows)[:, varied]))
 
@@ -299,6 +319,7 @@ class Frame:
 
     def points(self, coordinates: FloatArray) -> FloatArray:
         """Points of coordinates (n, k), with nuisances as recorded; some may lie outside the box."""
+        # Nuisances get their values from the prior; the middle of the box stands in until then.
         unit = np.full((len(coordinates), len(self.varied)), 0.5)
         unit[:, self.varied] = self.whitening.mean + coordinates @ self.whitening.factor.T
         return self.prior.with_nuisances(self.space.scaled(unit))
@@ -358,6 +379,7 @@ class Forest:
         """Predicted failure (n,) at points (n, k), from 0 to 1; 0 while there are few runs."""
         if len(self) < _FEW or not len(x):
             return np.zeros(len(x))
+        # Growing takes far longer than predicting, and twenty runs more hardly change the forest.
         if self._forest is None or len(self) >= self._grown + _ROUND:
             self._grow()
         found: FloatArray = self._forest.predict(differences(x))
@@ -366,6 +388,8 @@ class Forest:
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)
         failing = outcomes.collision & outcomes.executed
+        # Failures count 1, near misses at most `_NEAR`: a region of near misses must not outweigh
+        # failures.
         values, x = np.where(failing, 1.0, _NEAR * nearness(outcomes)), np.concatenate(self._x)
         forest, rows = (
             self._ensemble.ExtraTreesRegressor(_TREES, random_state=0),
@@ -405,12 +429,15 @@ class GaussianProcess:
     def failing(self, rows: FloatArray) -> FloatArray:
         """Probability (m,) of a failure at rows (m, k)."""
         mean, deviation = self.predicted(rows)
+        # The score is Gaussian at each row; a failure is a score above the border.
         return np.asarray(ndtr((mean - BORDER) / deviation))
 
     def predicted(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Means and standard deviations (m,) of the score at rows (m, k)."""
         x, lower, weights, mean = self._known = self._known or self._conditioned()
         between = self._kernel(x, rows)
+        # Variance that the runs explain, k*ᵀ K⁻¹ k* by the Cholesky factor (Rasmussen and Williams,
+        # algorithm 2.1).
         explained = np.square(solve_triangular(lower, between, lower=True)).sum(axis=0)
         return mean + between.T @ weights, np.sqrt(
             np.maximum(self._kernel.diag(rows) - explained, _LEAST)
@@ -419,6 +446,7 @@ class GaussianProcess:
     def _conditioned(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """The runs that it holds, the Cholesky factor of their covariance, their weights, and the mean score."""
         x, values = np.concatenate(self._x), np.concatenate(self._scores)
+        # Lengths are fitted O(log n) times in a search, not in each round.
         if len(x) >= 2 * self._at:
             self._fit(x, values)
         held = _learnt(values >= 1.0, self._most)
@@ -428,6 +456,8 @@ class GaussianProcess:
 
     def _fit(self, x: FloatArray, values: FloatArray) -> None:
         kernels, held = self._library.kernels, _learnt(values >= 1.0, _FITTED)
+        # Lengths are in standard deviations of traffic: at 30 a coordinate has no effect within the
+        # data.
         kernel = kernels.ConstantKernel(0.1, (1e-3, 1e1)) * kernels.RBF(
             np.ones(x.shape[1]), (0.1, 30.0)
         )
@@ -455,6 +485,7 @@ def _learnt(failing: BoolArray, most: int) -> IntArray:
     if len(failing) <= most:
         return np.arange(len(failing))
     groups = [np.flatnonzero(failing), np.flatnonzero(~failing)]
+    # The rarer group is kept whole, up to half of the rows.
     least = min(most // 2, *map(len, groups))
     chosen = [
         each[np.linspace(0, len(each) - 1, min(len(each), most - least)).astype(int)]

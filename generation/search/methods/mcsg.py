@@ -85,6 +85,8 @@ def coordinated(space: Space, real: FloatArray) -> Moves:
     column j of L: the parameter moves by δ standard deviations given those before it, and those
     after it move as they do together in traffic.
     """
+    # Rows of Lᵀ are columns of L. Row j has no entry before j, so an edit leaves earlier
+    # parameters.
     rows = np.ascontiguousarray(Whitening.of(space.unit(real)).factor.T)
     return Moves(rows, np.ones(len(rows)))
 
@@ -121,6 +123,8 @@ class Edits:
     def edit(self, change: FloatArray) -> None:
         """Edit the next parameter by the amounts (n,); nothing leaves the box."""
         unit = self._space.unit(self.theta) + change[:, None] * self._rows[self.step]
+        # Only the columns that the edit moves: going to the unit cube and back would round the
+        # others.
         changed = self._rows[self.step] != 0.0
         self.theta[:, changed] = self._space.scaled(np.clip(unit, 0.0, 1.0))[:, changed]
         self.step += 1
@@ -171,6 +175,8 @@ class Policy(nn.Module):
         d = len(spread)
         self.lstm = nn.LSTM(2 * d, HIDDEN, LAYERS, dropout=DROPOUT)
         self.bins = bins
+        # Weights of zero: the first edits follow the bias, which is the log of a normal density,
+        # alone.
         self.weight = nn.Parameter(torch.zeros(d, bins.number, HIDDEN))
         self.bias = nn.Parameter(
             torch.stack([-0.5 * (bins.centres(step) / spread[step]) ** 2 for step in range(d)])
@@ -232,6 +238,8 @@ class Learner:
         what was proposed last."""
         self._rewards.append(rewards)
         advantage = torch.from_numpy(self._baseline.advantage(rewards)).float()
+        # Gradient ascent on the expected reward: E[A ∇ log π], by automatic differentiation of this
+        # loss.
         loss = -(advantage * self._log_probability).mean()
         self._optimiser.zero_grad()
         loss.backward()
@@ -248,8 +256,10 @@ class Learner:
             for edge in np.quantile(edits[best], (outside, 1.0 - outside), axis=0)
         )
         old = self._policy.bins
+        # If the best episodes agree exactly, the range would be a point with bins of no width.
         missing = (_NARROWEST * (old.high - old.low) - (high - low)).clamp(min=0.0) / 2
         self._policy.rebin(Bins(low - missing, high + missing, self._settings.bins[1]))
+        # New parameters: the moments of the old ones are of another shape.
         self._optimiser = torch.optim.Adam(self._policy.parameters(), self._settings.rate)
 
 
@@ -270,6 +280,8 @@ def rollout(policy: Policy, edits: Edits, noise: bool) -> tuple[Tensor, FloatArr
         logits, state = policy(step, torch.from_numpy(edits.observe()), state)
         choice = torch.distributions.Categorical(logits=logits)
         chosen = choice.sample()
+        # In units of the bin's width. It is noise to the policy: only the choice of the bin has a
+        # log-probability to learn from.
         within = 0.5 * torch.randn(len(chosen)) if noise else torch.rand(len(chosen)) - 0.5
         change = (bins.centres(step)[chosen] + bins.width[step] * within).double().numpy()
         edits.edit(change)
@@ -287,9 +299,11 @@ class _Baseline:
     def advantage(self, rewards: FloatArray) -> FloatArray:
         """Rewards (n,) above the average of those before, in units of their deviation from it; the average moves on."""
         mean = float(rewards.mean())
+        # The first batch has none before it: it is compared with its own mean.
         before = mean if np.isnan(self._mean) else self._mean
         self._mean = self._momentum * before + (1.0 - self._momentum) * mean
         above = rewards - before
+        # The constant bounds advantages in batches of nearly equal rewards.
         return above / (above.std() + 1e-3)
 
 
@@ -336,7 +350,9 @@ class EliteStarts:
         """Starts (n, d), when that share of the budget is spent."""
         if len(self._theta) < self._settings.batch:
             return uniform_rows(self._problem.starts, n, generator)
+        # The share of the budget weighs realism: first critical, then plausible.
         score = self._critical - self._problem.reward.weight * spent * self._excess
+        # At least half a batch, so that early rounds do not start from one or two points.
         count = max(int(self._settings.elite * len(score)), self._settings.batch // 2)
         ranked = self._theta[np.argsort(-score, kind="stable")]
         elite = ranked[diverse(self._problem.space.unit(ranked), self._settings.apart, count)]
@@ -386,6 +402,7 @@ def mcsg(
     with seeded(seed):
         learner = Learner(problem.space, edits(problem.space, problem.real), settings)
         for stage in range(3):
+            # Once, before the second stage; a first stage without calls has nothing to refine by.
             if stage == 1 and calls.left < budget:
                 learner.refine()
             until = budget * (stage + 1) // 3

@@ -39,6 +39,7 @@ class Components:
         n, (count, d) = len(z), self.means.shape
         if not d:
             return np.zeros(n)
+        # Ceiling division: the matrix of rows by components is bounded, whatever both are.
         parts = np.array_split(z, max(1, -(-n * count * d // _CHUNK)))
         return np.concatenate(
             [logsumexp(self._log_kernels(part) + self.log_weights, axis=1) for part in parts]
@@ -51,10 +52,13 @@ class Components:
         factors = np.linalg.cholesky(self.covariances)
         white = np.linalg.inv(factors)
         if len(white) == 1:
+            # Mahalanobis distances are Euclidean ones after whitening; one covariance needs no
+            # loop.
             squares = cdist(z @ white[0].T, self.means @ white[0].T, "sqeuclidean")
         else:
             turned = np.swapaxes(white, 1, 2)
             squares = np.square(z @ turned - self.means[:, None] @ turned).sum(axis=2).T
+        # log √|Σ| is the sum of the logs of the Cholesky factor's diagonal.
         log_volume = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1) + 0.5 * z.shape[
             1
         ] * np.log(2.0 * np.pi)
@@ -87,6 +91,8 @@ class Components:
             return self
         free = np.setdiff1d(np.arange(self.means.shape[1]), fixed)
         at_fixed = self.marginal(columns)
+        # Components that are unlikely to have these values lose weight; `logsumexp` normalises
+        # below.
         log_weights = (
             self.log_weights + at_fixed._log_kernels(np.asarray(values, np.float64)[None])[0]
         )
@@ -171,12 +177,15 @@ class Whitening:
         """
         covariance = np.atleast_2d(np.cov(theta, rowvar=False))
         spread = np.sqrt(np.diag(covariance))
+        # Relative to the size of the values: of equal numbers the computed deviation may be a
+        # rounding.
         constant = np.flatnonzero(spread <= 1e-12 * np.maximum(np.abs(theta).max(axis=0), 1.0))
         if len(constant):
             raise UsageError(
                 f"parameter {constant[0] + 1} is the same in all samples: a density can't hold it, pin it"
             )
         try:
+            # Of correlations, so that the test below does not depend on the parameters' units.
             factor = np.linalg.cholesky(covariance / np.outer(spread, spread))
         except np.linalg.LinAlgError:
             factor = np.zeros_like(covariance)
@@ -249,6 +258,7 @@ def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[IntArray, I
     if count < 2:
         raise UsageError("cross-validation by recording needs two recordings at least")
     fold_of, filled = np.empty(len(sizes), dtype=np.int64), np.zeros(count, dtype=np.int64)
+    # Largest first: the greedy choice then comes close to equal folds.
     for group in np.argsort(-sizes, kind="stable"):
         fold_of[group] = filled.argmin()
         filled[fold_of[group]] += sizes[group]

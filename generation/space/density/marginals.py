@@ -84,6 +84,7 @@ class PiecewiseConstant:
         with np.errstate(divide="ignore"):
             pieces = np.log(weights / weights.sum() / np.diff(edges))
         found: FloatArray = pieces[
+            # `right`: an edge belongs to the piece above it, the last edge to the last piece.
             np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(weights) - 1)
         ]
         return np.where((values >= self.low) & (values <= self.high), found, -np.inf)
@@ -119,6 +120,8 @@ class Continuous:
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n,)."""
         low, high = self.of.cdf(self.low), self.of.cdf(self.high)
+        # Inverse transform within the limits; clipped, since the quantile of a limit may miss it by
+        # rounding.
         return np.clip(self.of.ppf(low + generator.random(n) * (high - low)), self.low, self.high)
 
 
@@ -144,6 +147,8 @@ class Choices:
         """log p of values (n,)."""
         points = np.array(self.choices)
         middles = 0.5 * (points[1:] + points[:-1])
+        # A probability over the width of its cell: comparable with densities of continuous
+        # parameters.
         cells = np.diff([points[0], *middles, points[-1]])
         with np.errstate(divide="ignore"):
             found = np.log(np.array(self.weights) / sum(self.weights) / cells)[
@@ -200,6 +205,7 @@ def _histogram(of: Histogram) -> Marginal | str:
     for low, high, weight in bins:
         if low < edges[-1]:
             raise UsageError("bins of this Histogram overlap: pin its parameter")
+        # A gap between bins is a piece without weight.
         if low > edges[-1]:
             edges, weights = [*edges, low], [*weights, 0.0]
         edges, weights = [*edges, high], [*weights, weight]
@@ -213,6 +219,8 @@ def _normal(of: NormalDistribution) -> Marginal | str:
     if not of.variance:
         return repr(of.expected_value)
     if isinstance(of, LogNormalDistribution):
+        # The standard gives the expected value and the variance of the variable itself; scipy takes
+        # those of its logarithm: σ² = log(1 + V/E²), median E·exp(-σ²/2).
         spread = np.log1p(of.variance / of.expected_value**2)
         known = stats.lognorm(np.sqrt(spread), scale=of.expected_value * np.exp(-0.5 * spread))
     else:
@@ -222,6 +230,7 @@ def _normal(of: NormalDistribution) -> Marginal | str:
         if of.range is None
         else (of.range.lower_limit, of.range.upper_limit)
     )
+    # Below its support a log-normal variable has no values, whatever the Range says.
     return Continuous(known, float(max(limits[0], known.support()[0])), float(limits[1]))
 
 
@@ -264,6 +273,7 @@ def _listed(values: list[str], weights: list[float]) -> Marginal | str:
 def _chosen(numbers: list[float], weights: list[float]) -> Marginal | str:
     total: dict[float, float] = {}
     for number, weight in zip(numbers, weights, strict=True):
+        # Equal numbers written differently (1, 1.0) are one choice.
         total[number] = total.get(number, 0.0) + weight
     kept = sorted(number for number, weight in total.items() if weight > 0.0)
     return (
@@ -326,6 +336,8 @@ class DeclaredPrior(Prior):
 
     @cached_property
     def _log_share(self) -> float:
+        # By Monte Carlo, with a fixed seed: constraints have any form, and the same file has the
+        # same density each time.
         share = float(self.possible(self._draw(_COUNTED, np.random.default_rng(0))).mean())
         if not share:
             raise UsageError("no values of the parameters keep the scenario's constraints")
@@ -390,6 +402,7 @@ class JointPrior(Prior):
         )
         generator = np.random.default_rng(0)
         for part in parts:
+            # Parts are independent, so any of their draws may stand beside a recorded row.
             rows = part.theta if part is parts[0] else part.sample(len(self.theta), generator)
             self.theta[:, self.columns(part.names)] = rows
 

@@ -48,6 +48,7 @@ def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
 @_once
 def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArray:
     """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
+    # A model that was fitted on a row finds it likelier than any new one: each is judged by others.
     found = np.empty(len(theta))
     for each, tested in others(name, theta, recordings):
         found[tested] = each.log_density(theta[tested])
@@ -137,6 +138,7 @@ class Prior(ABC):
         Raises:
             UsageError: nearly nothing that it draws is possible.
         """
+        # Moving draws onto the limit would pile them up there.
         return until_possible(self._draw, self.possible, n, generator)
 
     def foreseeable(self, theta: FloatArray) -> BoolArray:
@@ -186,6 +188,8 @@ def until_possible(
     """
     parts: list[FloatArray] = []
     for _ in range(_TRIES):
+        # Blocks of 64 at least, so that small n does not end in `_TRIES` draws of a single row
+        # each.
         drawn = draw(max(n, 64), generator)
         parts.append(drawn[possible(drawn)])
         if sum(map(len, parts)) >= n:
@@ -242,7 +246,10 @@ class RecordedPrior(Prior):
         held = [*self.searched, *self._given]
         self._least_gap = LeastGap.of(values, roles)
         rows = np.stack([values[each] for each in held], axis=1)
+        # Gaps of followers are modelled beyond the least gap, which grows with the speed: the
+        # logarithm then keeps draws above it.
         rows[:, : len(self.searched)] -= self._least(values)
+        # The density is one of logarithms: rows without one are left out and counted.
         usable = (rows > 0.0).all(axis=1)
         self.left_out = int((~usable).sum())
         self._log_rows, self._recordings, self._model = (
@@ -268,6 +275,7 @@ class RecordedPrior(Prior):
     def possible(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are in the box and within the physical limits: (n,)."""
         values = self._by_name(theta)
+        # Accelerations belong to an actor: its own speeds and times only.
         kept = [self._limits[actor].kept(each) for actor, each in self._by_actor(values).items()]
         if self._least_gap is not None:
             kept.append(values[self._least_gap.gap] > self._least_gap.at(values))
@@ -288,6 +296,8 @@ class RecordedPrior(Prior):
             raise UsageError(
                 f"{name} is pinned at {self._pinned[name]:g}, where recordings have no density"
             )
+        # Pinned values condition the density; cutting it at them would ignore how parameters depend
+        # on each other.
         return _gaussians(whole, self._model).given(self._given_columns, np.log(values))
 
     @property
@@ -314,6 +324,7 @@ class RecordedPrior(Prior):
     def _raw(self, theta: FloatArray) -> FloatArray:
         """log p over all that is positive, whether possible or not (n,)."""
         logs = self._logs(theta)
+        # Change of variables: p(θ) = p(log θ) / θ, so minus the sum of the logs.
         return self._density.log_density(logs) - logs.sum(axis=1)
 
     @cached_property
@@ -344,6 +355,7 @@ class RecordedPrior(Prior):
         theta = np.empty((len(logs), len(self.names)))
         columns = self.columns(self.searched)
         theta[:, columns] = np.exp(logs)
+        # Undoes what was subtracted before the logarithm in `__init__`.
         theta[:, columns] += self._least(self._by_name(theta))  # of what is not shifted itself
         return self.with_nuisances(theta)
 
@@ -371,6 +383,7 @@ class RecordedPrior(Prior):
             found[tested] = other.log_density(self._log_rows[tested])
             if self._given:
                 given = _gaussians(other, self._model).marginal(self._given_columns)
+                # p(searched | pinned) = p(searched, pinned) / p(pinned).
                 found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
         return found - self._log_rows[:, : len(self.searched)].sum(axis=1)
 
@@ -387,6 +400,8 @@ class RecordedPrior(Prior):
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
         found = self.possible(theta)
         if found.any():
+            # The density alone would allow a gap between two clusters; the distance alone, a rare
+            # corner.
             found[found] = (self._raw(theta[found]) >= self.limit) & self._recorded_like(
                 theta[found]
             )
@@ -428,6 +443,7 @@ class RecordedPrior(Prior):
         to choose is that of p.
         """
         names = np.unique(self._recordings)
+        # A bootstrap over fewer recordings says more about these than about traffic.
         if len(names) < _RESAMPLED:
             return np.empty((0, len(theta)))
         whole, logs = fitted(self._model, self._log_rows, self._recordings), self._logs(theta)
@@ -443,6 +459,8 @@ class RecordedPrior(Prior):
             )
             if self._given and isinstance(other, Density):
                 other = self._conditioned(other)
+            # Each resampled density has its own share of what is possible: without it ratios would
+            # be biased.
             share = self.possible(self.of_logs(other.sample(_COUNTED // 10, generator))).mean()
             found[number] = other.log_density(logs) - np.log(max(float(share), 1e-9)) - present
         return found
@@ -504,6 +522,8 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
     duration = values.get("duration")
     phases = []
     if duration is not None:
+        # Greatest second derivative of a sinusoidal change over the width of a lane
+        # (`dynamics.SHAPES`).
         found["lateral acceleration"] = 0.5 * np.pi**2 * LANE / np.square(duration)
         if {"start_speed", "end_speed"} <= values.keys():
             phases.append((values["end_speed"] - values["start_speed"]) / duration)
@@ -549,6 +569,8 @@ class LeastGap:
         moving = values[speed] > 0.0
         if not moving.any():
             return None
+        # A quantile, not the least one: a single faulty recorded gap must not set the limit for
+        # all.
         return cls(
             gap,
             speed,

@@ -57,6 +57,7 @@ def roles_of(
         }
         found |= {name: Role("", _OF_SHORT[name]) for name in names if name in _OF_SHORT}
         actors = [role.actor for role in found.values()]
+        # Names that mean the speed of the vehicle that does not act.
         passive = (
             f"{LEAD if ego in actors else ego}_{_SPEED}",
             CATALOGUED_EGO_SPEED,

@@ -48,6 +48,7 @@ def judge(name: str, pairs: bool) -> str:
 
 def models() -> dict[str, Model]:
     """The models by name, the default one first; none of them is imported."""
+    # Described in the sources: importing the models would load torch and scikit-learn.
     found = {
         name: Model(f"{__name__}.{module}", each["class"], each["title"])
         for module, densities in described(__name__, "DENSITIES").items()

@@ -54,7 +54,11 @@ class NormalizingFlow(Density):
         if theta.shape[1] < 2:
             raise UsageError("a flow of couplings needs two parameters at least")
         self._whitening = Whitening.of(theta)
+        # Whitened first: couplings of tanh-bounded scales start near the standard normal that they
+        # map to.
         white = torch.from_numpy(self._whitening.forward(theta))
+        # Held out by recording: units of one recording are alike, so rows held out at random would
+        # not show overfitting.
         fitted, held = next(folds(groups))
         with seeded(self.seed):
             self._network = _RealNVP(theta.shape[1], self.couplings).double()
@@ -107,10 +111,13 @@ class _RealNVP(nn.Module):
         layers = list(zip(self.kept, self.networks, strict=True))
         for kept, network in reversed(layers) if reverse else layers:
             scale, shift = network(white[:, kept]).chunk(2, dim=1)
+            # Scales between 1/e and e: one outlier can't blow up the volume while the flow is
+            # trained.
             yield kept, torch.tanh(scale), shift
 
 
 def _network(inputs: int, outputs: int, hidden: int) -> nn.Sequential:
+    # Zeros: the untrained flow is the identity.
     last = nn.Linear(hidden, 2 * outputs)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
@@ -135,4 +142,5 @@ def _train(network: _RealNVP, fitted: Tensor, held: Tensor, size: Couplings) -> 
             best, weights, since = reached, deepcopy(network.state_dict()), 0
         if since >= size.patience:
             break
+    # The weights of the best epoch, not the last.
     network.load_state_dict(weights)

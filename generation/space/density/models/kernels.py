@@ -72,10 +72,12 @@ class KDE(Density):
 
 
 def _best_factor(theta: FloatArray, groups: IntArray) -> float:
+    # Evenly over all recordings, which come one after the other.
     chosen = np.unique(np.linspace(0, len(theta) - 1, min(len(theta), _COMPARED)).astype(np.int64))
     theta, groups = theta[chosen], groups[chosen]
     total = np.zeros(len(FACTORS))
     for fitted, tested in folds(groups):
+        # By the fitted rows alone, so that the tested ones are unseen in every respect.
         whitening = Whitening.of(theta[fitted])
         bandwidths = FACTORS * scott(len(fitted), theta.shape[1])
         centres, white = whitening.forward(theta[fitted]), whitening.forward(theta[tested])
@@ -92,6 +94,7 @@ def _log_kernels(white: FloatArray, centres: FloatArray, bandwidths: FloatArray)
 
     d, squares = white.shape[1], cdist(white, centres, "sqeuclidean")
     nearest = squares.min(axis=1)
+    # The nearest kernel is factored out: far from all samples every kernel would underflow to 0.
     squares -= nearest[:, None]
     scale = np.log(len(centres)) + 0.5 * d * np.log(2.0 * np.pi) + d * np.log(bandwidths)
     kernels, sums = np.empty_like(squares), []

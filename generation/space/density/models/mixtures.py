@@ -120,6 +120,7 @@ class Mixture(Density):
 
 def _most(n: int, d: int) -> int:
     """Most components that n rows of d columns suffice for."""
+    # Each component needs more rows than columns for a covariance.
     return (n - 1) // d
 
 
@@ -185,7 +186,9 @@ def _spread(gaussians: Components, freedom: float, exceeded: bool) -> Components
 
     if not np.isfinite(freedom):
         return gaussians
+    # Quantiles in the middles of five equally likely parts of the distribution of χ²/ν.
     scales = freedom / chi2.ppf((np.arange(_SCALES) + 0.5) / _SCALES, freedom)
+    # Divided by their mean the mixture keeps its covariance; else it is wider than the samples.
     scales = scales if exceeded else scales / scales.mean()
     weights = np.tile(gaussians.log_weights - np.log(_SCALES), _SCALES)
     covariances = np.concatenate([scale * gaussians.covariances for scale in scales])
