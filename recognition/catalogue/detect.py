@@ -126,6 +126,8 @@ def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
     """Moments that follow each other closely, and have no two partners."""
     runs: list[list[Moment]] = []
     for moment in sorted(moments, key=lambda moment: (moment.time, moment.partner or "")):
+        # A model's moments have no partner: they join any run; two different partners are two
+        # encounters.
         partners = {each.partner for each in runs[-1]} - {None} if runs else set()
         other = moment.partner is not None and bool(partners - {moment.partner})
         if not runs or other or moment.time - runs[-1][-1].time > WINDOW + gap:
@@ -138,6 +140,8 @@ def _detection(moments: Sequence[Moment]) -> Detection:
     best = max(
         moments,
         key=lambda moment: (
+            # A rule's event has the exact time and the partner; then the gravest, the surest, the
+            # earliest.
             bool(moment.rule),
             moment.severity or 0.0,
             moment.confidence or 0.0,
@@ -200,6 +204,7 @@ def vehicles(
 def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iterator[str]:
     columns = track.columns
     time, (x, y) = columns["time"], centre(track)
+    # The checks below need rows to compare.
     if time[-1] - time[0] < needs.duration:
         yield f"recorded for {time[-1] - time[0]:.1f} s only"
         return
@@ -243,8 +248,10 @@ def passage(track: Track, reach: float = 5.0) -> str:
     Args:
         reach: way (m) over which the direction is taken.
     """
+    # Of the box, not of the reference point: recorded headings that jump would move that.
     x, y = centre(track)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    # First and last part must not overlap on short ways.
     reach = min(reach, way[-1] / 3)
     a, b = int(np.searchsorted(way, reach)), int(np.searchsorted(way, way[-1] - reach))
     first, last = math.atan2(y[a] - y[0], x[a] - x[0]), math.atan2(y[-1] - y[b], x[-1] - x[b])
@@ -354,6 +361,7 @@ def _distinct(episodes: list[Episode]) -> list[Episode]:
     seen: dict[str, int] = {}
     distinct = []
     for episode in episodes:
+        # Windows and macOS take `Left` and `left` for one file.
         key = f"{episode.folder}/{episode.name}".casefold()
         seen[key] = seen.get(key, 0) + 1
         distinct.append(

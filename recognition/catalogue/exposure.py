@@ -56,6 +56,8 @@ class Mileage(NamedTuple):
 
 def exposure_of(recording: Recording, rules: Rules) -> Mileage:
     """Return the exposure of a recording: that of the vehicles that rules may find as egos."""
+    # The same vehicles that can be egos of events: else a rate would count driving in which no
+    # event can be found.
     motor = [
         track
         for track in recording.tracks.values()
@@ -95,6 +97,8 @@ def rates(
         if site != EVERYWHERE:
             return total[site]
         open_sites = [one for one in total.values() if title not in one.blocked]
+        # A class that is blocked at a site was not looked for there: its exposure must not dilute
+        # the rate.
         parts = open_sites or list(total.values())
         return sum(parts[1:], parts[0])
 
@@ -137,5 +141,6 @@ def interval(count: int) -> tuple[float, float]:
     from scipy.stats import chi2
 
     tail = 0.5 * (1.0 - _LEVEL)
+    # With no event the lower limit is 0, and χ² with 0 degrees of freedom is not defined.
     low = 0.5 * float(chi2.ppf(tail, 2 * count)) if count else 0.0
     return low, 0.5 * float(chi2.ppf(1.0 - tail, 2 * count + 2))

@@ -72,6 +72,7 @@ def unseen_sites(folder: Path) -> UnseenSites | None:
     try:
         with safe_open(path, "numpy") as file:
             stated = json.loads((file.metadata() or {}).get(_ABOUT, "{}")).get(_FIELD)
+        # A model without the statement is no error: it may label, and not sort.
         if stated is None:
             return None
         found = UnseenSites(float(stated["agree"]), float(stated["wrong"]))
@@ -162,7 +163,9 @@ class ByModel:
         advance: Callable[[float], None],
     ) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
+        # Rules' events first: their windows are centred on the event, where the class shows best.
         candidates = [*map(by_rules, events), *self._regular(recording, site, events)]
+        # Windows that reach beyond the recording can't be encoded.
         inside = visible(
             recording, [(moment.ego, moment.time) for moment in candidates], self._view
         )
@@ -172,6 +175,7 @@ class ByModel:
         with threadpool_limits(
             1, "blas"
         ):  # more threads only wait, for products this small and beside the encoders' threads
+            # Two stages of a pipeline: windows are drawn while the ones before are encoded.
             parts = map(
                 self._model.encode,
                 _ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN)),
@@ -184,6 +188,7 @@ class ByModel:
 
     def moments(self, name: str) -> list[Moment]:
         """The moments of a recording, as what they are known to be once all recordings were looked at."""
+        # Classes are discovered from all recordings together; the first question ends the looking.
         if not self._finished:
             self._discover()
             self._finished = True
@@ -235,6 +240,7 @@ class ByModel:
 
     def _take(self, features: Features, moments: list[Moment]) -> None:
         """Recognise windows by their features, of the first moments, no more at a time than fit into the buffer twice."""
+        # Larger parts would push unknown moments out of the buffer before classes are looked for.
         part = max(self._model.buffer.capacity // 2, 1)
         for start in range(0, len(features), part):
             some = features[start : start + part]
@@ -252,6 +258,7 @@ class ByModel:
         )
         self._labels += found.labels.tolist()
         self._waiting += int((found.labels == Label.UNKNOWN).sum())
+        # Half of the buffer is new since the last time: looking more often finds the same clusters.
         if self._waiting >= self._model.buffer.capacity // 2 and self._model.buffer.full:
             self._discover()
 
@@ -261,6 +268,7 @@ class ByModel:
         if len(self._model.buffer) <= self._model.config.preprocessing.neighbours:
             return
         found = self._model.discover()
+        # Keys below are of moments of earlier recordings: they have no place in this catalogue.
         ours = found.keys >= self._first
         for key, label in zip(found.keys[ours].tolist(), found.labels[ours].tolist(), strict=True):
             self._labels[key - self._first] = label
@@ -282,6 +290,7 @@ class ByModel:
 def _ahead(parts: Iterator[Part]) -> Iterator[Part]:
     """The same parts, each made while the one before it is used."""
     with ThreadPoolExecutor(1) as thread:
+        # One part ahead: more would only hold further blocks of windows in memory.
         coming = thread.submit(next, parts, None)
         while (part := coming.result()) is not None:
             coming = thread.submit(next, parts, None)

@@ -76,14 +76,17 @@ def results(
         ToolchainError: a process died.
     """
     if workers.ray is not None:
+        # Closed even if the caller stops early, so that the cluster is left.
         with closing(_on_ray(work, tasks, workers.ray, workers.jobs)) as found:
             yield found
     elif workers.jobs == 1 or not tasks:
         yield map(work, tasks)
     else:
+        # A process without a task would only cost its imports.
         pool = executor(min(workers.jobs, len(tasks)))
         try:
             yield pool.map(work, tasks)
+        # A worker killed by the kernel leaves no message of its own; memory is the usual reason.
         except BrokenProcessPool:
             raise ToolchainError(
                 "a process died, perhaps because memory ran out; go on with fewer --jobs"
@@ -100,6 +103,8 @@ def _on_ray(
     ray, ours = connect(address, jobs)
     try:
         remote = ray.remote(num_cpus=1)(_in_folder)
+        # All are submitted before the first result is waited for; results come in the order of
+        # tasks, so that the catalogue has the same bytes for any number of workers.
         for reference in [remote.remote(os.getcwd(), current(), work, task) for task in tasks]:
             yield ray.get(reference)
     except ray.exceptions.RayError as error:
@@ -253,9 +258,12 @@ def build(
         RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road, settings.columns)
         for source in sources
     ]
+    # Reading begins in the workers while this process loads the recogniser (seconds for a model).
     with results(partial(recordings.read, settings), places, workers) as found:
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
+    # Writing begins only now: which class an unknown moment has is known once all recordings were
+    # seen.
     work.write([source for source in sources if source.name in work.seen], bar)
     return work.close(
         [
@@ -270,6 +278,7 @@ def _refuse_twins(sources: Sequence[Source]) -> None:
     """Recordings are distinguished by name; those below one folder get names that differ."""
     first: dict[str, Source] = {}
     for source in sources:
+        # Names of recordings become names of files, and keys of the index.
         other = first.setdefault(source.name, source)
         if other is not source:
             message = f"{other.path} has a recording called {source.name!r} too: give each once, in one folder that holds both"
@@ -313,6 +322,7 @@ class _Work:
         """Have the recogniser look at the recordings in their order, as they have been read."""
         with bar("recognising", len(sources)) as advance:
             for source, seen in zip(sources, found, strict=True):
+                # A recording that can't be read is named in the summary; the others go on.
                 if isinstance(seen, ToolchainError):
                     self._failures[source.name] = seen
                     advance(1.0)
@@ -329,6 +339,7 @@ class _Work:
         """Write the scenarios of the recordings."""
         work = partial(recordings.write, self._out, self._settings, self._recogniser.sorted_by)
         blocks = [block for source in sources for block in self._blocks(source)]
+        # Blocks, not recordings: one long recording keeps all workers busy too.
         count = sum(len(block.episodes) for block in blocks)
         trials: list[TrialBlock] = []
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
@@ -338,7 +349,9 @@ class _Work:
                 if one.error is not None:
                     self._failures[block.ground.place.name] = one.error
                 advance(len(block.episodes))
+        # OpenSCENARIO catalogues that recordings share are complete only after the last of them.
         self._catalogue.write_catalogs()
+        # Every scenario is played once: what does not play is no part of the catalogue.
         play = partial(recordings.played, self._out)
         with (
             bar("playing", sum(len(each.trials) for each in trials)) as advance,
@@ -378,6 +391,8 @@ class _Work:
         """Yield the blocks to be written of a recording, whose road and index entry are written first."""
         seen = self.seen[source.name]
         self._catalogue.register(source, seen.report, seen.exposure, seen.exclusions)
+        # In this process: workers that write blocks of one recording must not write one road file
+        # twice.
         road = self._catalogue.road(seen.ground.road)
         episodes = recordings.episodes(self._settings, seen, self._recogniser.moments(source.name))
         for start in range(0, len(episodes), _EPISODES):
@@ -433,6 +448,8 @@ def label_runs(
         raise InvalidFile("there are no results of xosc-run --out here", path=folder)
     with bar("recognising", len(sources)) as advance:
         for source in sources:
+            # Two passes, as for catalogues: classes that are discovered in one run hold for all of
+            # them.
             recogniser.look(source.name, *looked(source, settings.rules), advance)
     found = {
         source.name: detect.joined(recogniser.moments(source.name), settings.gap)
@@ -549,5 +566,6 @@ def _told(finding: Detection) -> dict[str, Any]:
 
 
 def _write(path: Path, content: bytes, before: dict[str, str], anyway: bool) -> bool:
+    # `anyway`: the file is taken as it is now, so that it does not count as edited by a person.
     found = digest(path.read_bytes()) if anyway and path.is_file() else before.get(str(path))
     return write_unless_edited(path, content, found)

@@ -72,6 +72,8 @@ class RecordingStore:
         """The recording of a source; None where it is not kept, or what is kept is damaged."""
         columns, records = self._path(source, "arrow"), self._records(source).read().records
         try:
+            # The record is written last, with the digest: a store that was interrupted in between
+            # is not whole.
             whole = bool(records) and _digest(columns) == records[0]["columns"]
             return self.get(source) if whole else None
         except (OSError, KeyError, TypeError, ValueError, pa.ArrowException):
@@ -127,6 +129,8 @@ class RecordingStore:
         return Records(self._path(source, "jsonl"))
 
     def _path(self, source: Source, ending: str) -> Path:
+        # Another version of the package may read a file otherwise, and a changed file has another
+        # stamp.
         key = f"{version()}\n{source.name}\n{source.path.absolute()}\n{stamp(source.path)}"
         if source.given is not None:
             key += f"\n{source.given.absolute()}\n{stamp(source.given)}"

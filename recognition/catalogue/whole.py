@@ -161,6 +161,7 @@ def _ego(recording: Recording, source: Source, name: str | None, remarks: list[s
                 f"no participant {name!r} is there for two messages; there are {', '.join(list(present)[:10])}"
             )
         return present[name]
+    # The vehicle that recorded, where the format knows it: it is there throughout.
     own = source.ego()
     if own in present:
         return present[own]

@@ -102,6 +102,7 @@ def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
     """Values in which stays of fewer than `least` rows (of all, or of each) count to the last longer one in the same group."""
     start, size = stays(values, group)
     number = np.arange(len(start))
+    # Index of the last stay that is long enough, carried forward; a short stay takes its value.
     last_long = np.maximum.accumulate(np.where(size >= least, number, -1))
     same = (last_long >= 0) & (group[start[last_long]] == group[start])
     return np.repeat(values[start[np.where(same, last_long, number)]], size)
@@ -113,6 +114,7 @@ def totals(
     """Return sum and number of the values within `half` rows of each row, inside its part."""
     here = np.arange(len(values))
     before, after = np.maximum(here - half, first), np.minimum(here + half, last)
+    # Differences of running sums: the cost does not depend on the window's length.
     sums = np.concatenate([[0.0], np.cumsum(values, dtype=np.float64)])
     return sums[after + 1] - sums[before], after + 1 - before
 
@@ -135,6 +137,7 @@ def deviation(values: FloatArray, half: int, first: IntArray, last: IntArray) ->
 def always(flags: BoolArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
     """Return a mask of rows whose neighbours from `half` before to `half` after all have a flag and exist."""
     total, _ = totals(flags, half, first, last)
+    # A window cut by the ends of a part has fewer rows, and so never the full count.
     return total == 2 * half + 1
 
 
@@ -155,6 +158,7 @@ def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
     Within `rules.turning_time` before and after, it turns by no more than `rules.turning` beyond
     what the road bends.
     """
+    # Turns cross borders of lanes too: a change of lane goes along the road, and does not turn.
     headings = np.array([_lane_heading(scene, each) for each in row.tolist()], np.float64)
     oblique = np.abs(_wrapped(scene.h[row] - headings))
     reach = scene.rows(scene.rules.turning_time)
@@ -195,6 +199,8 @@ def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float
     stays = [
         (first + a, first + b)
         for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+        # Lanes in junctions bend with every way through them; what the road bends is known outside
+        # only.
         if not off_road[first + a]
     ]
     return sum(float(_wrapped(_lane_heading(scene, b) - _lane_heading(scene, a))) for a, b in stays)
@@ -230,6 +236,7 @@ def exits(scene: SceneRows, course: IntArray) -> Exits:
     road, angle = on & ~_off_road(scene) & ~_at_open_end(scene), np.radians(scene.rules.oblique)
     other = (course[1:] != course[:-1]) | (on[1:] != on[:-1])
     crossed = np.flatnonzero(other & (scene.first[1:] == scene.first[:-1])) + 1
+    # Standing vehicles have headings of noise.
     crossed = crossed[scene.speed[crossed] >= scene.rules.cut_speed]
     away = np.append(0, np.cumsum(~on))
     reach, found = scene.rows(scene.rules.beside), []
@@ -303,6 +310,7 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
 
     Borders that are crossed in a turn are none.
     """
+    # A course is a stretch along connected lanes; only within one can lanes be counted to the left.
     steps, related = _steps(scene.site.lanes, scene.strip)
     related |= _overlapping(scene, ~related)
     begins = np.ones(len(scene.track), bool)
@@ -310,6 +318,7 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     course = np.cumsum(begins) - 1
     steps = np.where(begins, 0, np.concatenate([[0], steps]))
     raw = np.cumsum(steps)
+    # Counted from the lane in which the course begins.
     raw -= raw[_first(begins)]
     hold, side = scene.rows(scene.rules.hold), _side(scene, steps, begins)
     lane = held(raw, course, hold)
@@ -332,6 +341,7 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
     left = lane[row] > lane[row - 1]
     road = scene.site.lanes.road[scene.strip]
     enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * scene.lane_width(row)
+    # Lanes of one road lie side by side: no motion has to show it.
     kept = (road[row] == road[row - 1]) | enough
     for index in np.flatnonzero(~kept).tolist():
         pair = scene.strip[row[index] - 1], scene.strip[row[index]]
@@ -347,6 +357,7 @@ def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
         np.minimum(row + reach, scene.last[row]),
     )
     x, y, heading = scene.x[last] - scene.x[first], scene.y[last] - scene.y[first], scene.h[first]
+    # An arc that turns by φ over a chord of c leads c·φ/2 to its side: that is the bend, no change.
     arc = 0.5 * np.hypot(x, y) * _wrapped(scene.h[last] - heading)
     return y * np.cos(heading) - x * np.sin(heading) - arc
 
@@ -382,6 +393,7 @@ def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     before, after = strip[:-1], strip[1:]
     steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
     moved = np.flatnonzero(before != after)
+    # Tracks repeat few pairs of strips thousands of times: each pair is looked up once.
     pairs, which = np.unique(
         np.stack([before[moved], after[moved]], axis=1), axis=0, return_inverse=True
     )
@@ -428,6 +440,7 @@ def _is_held(lane: IntArray, course: IntArray, row: IntArray, least: int) -> Boo
 def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
     """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
     lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
+    # Between roads t is not comparable: half the widths of both lanes stand in for it.
     to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
     to_lane = np.where(lanes.road[before] == lanes.road[after], np.diff(scene.aside), to_road)
     moved = np.concatenate([[0.0], np.where(steps[1:] == 0, np.diff(scene.offset), to_lane)])
@@ -450,6 +463,8 @@ def _shifts(
     earliest = np.maximum(rows - reach, starts[place - 1])
     latest = np.minimum(rows + reach, rows + sizes[place])
     towards = np.where(left, 1.0, -1.0)
+    # From the outermost place on one side to the outermost on the other: a vehicle that swings out
+    # first covers more than from border to border.
     shifts = [
         (sign * side[row:end]).max() - (sign * side[start:row]).min()
         for row, start, end, sign in zip(
@@ -505,6 +520,8 @@ def passages(scene: SceneRows) -> Passages:
     """
     junction_of, road_of = _junctions(scene), scene.site.lanes.road
     crossings = junction_of[scene.strip[scene.has_role(LaneRole.INSIDE, LaneRole.SIGNALISED)]]
+    # Only junctions with crossing traffic: direct junctions of ramps are `junction` elements as
+    # well.
     inside = np.where(np.isin(junction_of, crossings), junction_of, NOWHERE)
     inside = np.where(scene.strip != NOWHERE, inside[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
@@ -516,6 +533,8 @@ def passages(scene: SceneRows) -> Passages:
     chosen = (inside[start] != NOWHERE) & (length >= 0.5 * scene.rules.passage)
     start, end, length = start[chosen], (start + size - 1)[chosen], length[chosen]
     entered, arrived = _same_track(scene, start, -1), _same_track(scene, end, 1)
+    # One row outside on either side, so that the whole turn, and the roads it leads from and to,
+    # count.
     first, last = start - entered, end + arrived
     turned = _turned(scene)
     turn = _heading_changes(scene, turned, first, last, entered, arrived)
@@ -523,6 +542,7 @@ def passages(scene: SceneRows) -> Passages:
     kept = (start, first, last, entered, arrived, turn)
     start, first, last, entered, arrived, turn = (column[counting] for column in kept)
     straight = np.abs(turn) < np.radians(scene.rules.turn[0])
+    # Half of the turn, or of the way where nothing turns.
     middle = [
         _half(way if goes_straight else turned, a, b)
         for a, b, goes_straight in zip(
@@ -530,6 +550,7 @@ def passages(scene: SceneRows) -> Passages:
         )
     ]
     row = np.array(middle, np.int64)
+    # A turn near the edge of a recording takes the nearest row with a whole window.
     row = np.where(straight, row, np.clip(scene.centred(row), first, last))
     origin = np.where(
         entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first])
@@ -576,6 +597,7 @@ def _heading_changes(
                 lanes, strip, float(scene.along[end]), float(lanes.length[strip])
             )
     turn = recorded + missing
+    # A turn by the map alone, of which the vehicle has shown nothing, is not known.
     turn[(np.abs(turn) >= turning) & (np.abs(recorded) < least)] = np.nan
     reach, off_road = scene.rows(rules.turning_time), _off_road(scene)
     for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < turning)).tolist():
@@ -584,6 +606,7 @@ def _heading_changes(
             max(begin - reach, int(scene.first[begin])),
             min(end + reach, int(scene.last[end])),
         )
+        # Up to the neighbouring passages: a turn counts once.
         if number and scene.track[last[number - 1]] == scene.track[begin]:
             earliest = max(earliest, min(int(last[number - 1]), begin))
         if number + 1 < len(first) and scene.track[first[number + 1]] == scene.track[end]:

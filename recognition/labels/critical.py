@@ -144,6 +144,7 @@ def with_critical(
     limits = CriticalLimits()
     found = list(events)
     for moment in critical_moments(recording, site, rules, limits):
+        # A class names the moment if it fits: an unnamed event only where no rule has found any.
         fitting = [index for index, event in enumerate(events) if _fits(event, moment, limits)]
         if not fitting:
             event = LabelledEvent(
@@ -208,6 +209,8 @@ def _once(moments: Sequence[CriticalMoment], limits: CriticalLimits) -> Iterator
     for moment in sorted(
         moments, key=lambda one: (_MUTUAL.issuperset(one.values), one.ego, one.time)
     ):
+        # Contacts and encroachments are the same for both; the moment of the first ego stands for
+        # them.
         mutual = _MUTUAL.issuperset(moment.values)
         if mutual and any(
             moment.ego in other.participants and abs(other.time - moment.time) <= limits.gap
@@ -236,12 +239,14 @@ def _near(motions: Sequence[MotionRows], step: float) -> list[IntArray]:
     frame = np.round(time / step).astype(np.int64)
     rows = np.flatnonzero(frame % every == 0)
     velocity = np.stack([speed * np.cos(h), speed * np.sin(h)], axis=1)[rows]
+    # The frame as third coordinate: one tree finds the pairs of all instants.
     apart = 4.0 * _WIDEST  # frames lie on levels that are further apart than pairs
     points = np.stack([x[rows], y[rows], apart * (frame[rows] // every)], axis=1)
     pairs = KDTree(points).query_pairs(_WIDEST, output_type="ndarray")
     one, other = pairs.T if len(pairs) else np.zeros((2, 0), np.int64)
     away = np.hypot(*(points[one] - points[other])[:, :2].T)
     closing = np.hypot(*(velocity[one] - velocity[other]).T)
+    # Pairs that can matter: two seconds of closing, and braking at 3.4 m/s² (v²/(2·3.4)).
     reach = _NEAR + length[rows][one] + length[rows][other] + 2.0 * closing + closing**2 / 6.8
     near = away <= reach
     first, second = who[rows][one[near]], who[rows][other[near]]
@@ -259,6 +264,7 @@ def _alone(track: Track, limits: CriticalLimits, step: float) -> Iterator[Exceed
     ahead = max(round(1.0 / step), 1)
     if len(time) > ahead:
         apart = time[ahead:] - time[:-ahead]
+        # Over a second: differences of single steps are noise.
         slower = (np.abs(speed[:-ahead]) - np.abs(speed[ahead:])) / apart
         hard = (slower >= limits.braking) & (apart < 1.5)
         for run in _runs(hard):
@@ -273,11 +279,13 @@ def _alone(track: Track, limits: CriticalLimits, step: float) -> Iterator[Exceed
     if len(time) <= 2 * half:
         return
     rate = (h[2 * half :] - h[: -2 * half]) / (time[2 * half :] - time[: -2 * half])
+    # v·ω is the lateral acceleration of a vehicle that does not slide.
     lateral = rate * speed[half:-half]
     fast = np.abs(speed[half:-half]) >= limits.steering_speed
     left, right = (
         np.flatnonzero(fast & (side * lateral >= limits.steering)) for side in (1.0, -1.0)
     )
+    # Both sides within two seconds: a bend has one side only.
     for at in left.tolist():
         near = right[np.abs(time[right + half] - time[at + half]) <= _SWERVE]
         if len(near):
@@ -302,12 +310,16 @@ def _encounters(
     margin = rss_margin(view, rss.PARAMETERS[_RSS])
     time = ego.time[between.rows]
     across = view.other_sideways - view.sideways
+    # Until the collision the other one would have crossed and left the path.
     ahead &= np.abs(across) * ttc.value < _BESIDE
     oblique = (view.other_speed < 0.0) | (np.abs(across) > _OBLIQUE * np.abs(view.other_speed))
+    # With crossing or oncoming traffic a TTC along the heading holds only if the ego drives
+    # straight on.
     ahead &= ~oblique | _on_course(ego, between.rows, ttc.value)
     least = max(round(limits.hold / step), 2)
     soon = ahead & ttc.valid & (ttc.value < limits.ttc)
     hard = ahead & drac.valid & (drac.value > limits.drac)
+    # Neither steering nor braking could avert it: if nothing happened, sizes or places are off.
     hopeless = ahead & ttc.valid & (ttc.value < _STEERED) & drac.valid
     hopeless &= drac.value > _GRAVEST["drac"]
     for number, other in enumerate(others):
@@ -405,6 +417,7 @@ def _moments(
     ego: str, parts: Sequence[Exceedance], limits: CriticalLimits
 ) -> Iterator[CriticalMoment]:
     """Moments of an ego: measures beyond their limits that follow each other closely."""
+    # One encounter exceeds several limits one after the other: it is one moment.
     groups: list[list[Exceedance]] = []
     end = -np.inf
     for part in sorted(parts):

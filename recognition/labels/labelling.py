@@ -93,6 +93,7 @@ def passing(
     if len(scene.track):
         ways, time = scene.passages, scene.time
         uncrossed = (
+            # NaN turns (too little was recorded) compare false: such ways are not called uncrossed.
             ways.arrived & (np.abs(ways.turn) < np.radians(config.straight)) & ~rules.crosses(scene)
         )
         for first, last, alone in zip(

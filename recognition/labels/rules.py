@@ -33,6 +33,8 @@ class Cuts(NamedTuple):
 def cut_ins(scene: Scene) -> Cuts:
     """Return the vehicles from another lane that become the ego's lead within `rules.cut_gap` while the ego keeps its lane."""
     other, moves = _movers(scene)
+    # `ego - 1` is the same track one frame earlier: `_concerned` keeps rows whose window is
+    # complete.
     ego = scene.leads.follower[other]
     gap = scene.leads.gap[ego]
     new = (ego != ABSENT) & (_lead_track(scene, ego - 1) != scene.track[other])
@@ -46,6 +48,7 @@ def cut_outs(scene: Scene) -> Cuts:
     It changes to another lane, or turns off the road beside junctions.
     """
     other, moves = _movers(scene)
+    # A leader that turns into a driveway leaves the lane without a change of lane.
     off = scene.exits.row[scene.exits.leaves & scene.exits.beside]
     other, moves = np.append(other, off), np.append(moves, np.ones(len(off), bool))
     before = scene.leads.follower[other - 1]
@@ -88,6 +91,7 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
 
 def _concerned(scene: Scene, row: IntArray) -> BoolArray:
     """Rows of driving egos that change lane neither then nor within `rules.reaction`; a standing ego has no headway."""
+    # If the ego changes lanes itself, the lead is new because of that.
     own = np.append(scene.changes.row, scene.changes.partial.row)
     kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(
         scene, row, own, scene.rules.reaction
@@ -103,6 +107,7 @@ def _movers(scene: Scene) -> tuple[IntArray, BoolArray]:
         part need.
     """
     changes, part = scene.changes, scene.changes.partial
+    # In junctions lanes overlap: a partial change there may be a jump between lanes.
     only = (
         ~np.isin(part.row, changes.row)
         & _between_through(scene, part.row)
@@ -124,7 +129,10 @@ def free_cruise(scene: Scene) -> Hits:
     )
     half = scene.rows(0.5 * rules.window + rules.margin)
     flags = _steady_on_main(scene) & always(far & calm, half, scene.first, scene.last)
+    # Small accelerations of one sign add up to another speed: the deviation bounds their sum.
     flags &= deviation(scene.speed, half, scene.first, scene.last) < rules.cruise_speed_deviation
+    # Hours of cruising would outnumber all other events: windows are taken apart, and a few of a
+    # track.
     row = spaced(scene, flags, rules.spacing, rules.most_windows)
     return alone(Label.FREE_CRUISE, row, speed=scene.speed[row])
 
@@ -184,6 +192,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     """Lane changes to one side; those that were recorded in part have their window where it is complete."""
     changes, rules = scene.changes, scene.rules
     row, shift = changes.row, changes.shift
+    # By default a share of the lane's width, since widths differ by half; a strict value in m is an
+    # option.
     least = (
         rules.shift * scene.lane_width(row) if rules.strict_shift is None else rules.strict_shift
     )
@@ -283,6 +293,7 @@ def _hits(
 ) -> Hits:
     """Transitions with enough way on the ramp, and enough shift; less of both where the recording is cut on the ramp."""
     rules = scene.rules
+    # The length counts along the ramp: no lateral shift is that long.
     whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
     partial = (
         cut
@@ -298,6 +309,8 @@ def _hits(
 def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:
     """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
     changes, part = scene.changes, scene.changes.partial
+    # A ramp may turn into a main lane without a change of lane: the course goes on along linked
+    # lanes.
     onwards = (
         np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
     )
@@ -351,10 +364,12 @@ def time_apart(
     if not len(x) or not len(there_x):
         return apart
     here, there = (cKDTree(np.stack(points, axis=1)) for points in ((x, y), (there_x, there_y)))
+    # Pairs within reach only: the full matrix grows with the square of the rows.
     near = here.sparse_distance_matrix(there, REACH, output_type="ndarray")
     visit, other = near["i"], near["j"]
     foreign = who[other] != track[visit]
     visit, other = visit[foreign], other[foreign]
+    # `minimum.at`, since a visit is in several pairs; plain indexing would keep the last one.
     np.minimum.at(apart, visit, np.abs(time[visit] - then[other]))
     return apart
 
@@ -410,6 +425,7 @@ def _goes_on(scene: Scene) -> BoolArray:
     """Passages that lead to the road to which the straightest lanes lead from where they come."""
     lanes, passages = scene.site.lanes, scene.passages
     ahead = passages.origin
+    # A main road may bend inside the junction: "straight" is where its straightest lanes lead.
     for _ in range(_MOST_INSIDE):
         inside = (ahead != NOWHERE) & ((ahead == passages.origin) | scene.in_junction[ahead])
         ahead = np.where(inside, lanes.straight[ahead], ahead)
@@ -448,7 +464,9 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
     for target in np.unique(passages.target[arriving]).tolist():
         mine = np.flatnonzero(arriving & (passages.target == target))
         apart = np.abs(time[mine][:, None] - time[mine])
+        # From one road they followed each other into the junction already: that is no merging.
         apart[passages.origin_road[mine][:, None] == passages.origin_road[mine]] = np.inf
+        # Geometry is compared only where the times allow a merge.
         if (apart < scene.rules.merging_gap).any():
             apart[_same_way(scene, mine)] = np.inf
         nearest = apart.argmin(axis=1)
@@ -476,6 +494,7 @@ def _lines(scene: Scene, which: IntArray) -> list[LineString]:
 
 def _turn(scene: Scene, label: Label, chosen: BoolArray) -> Hits:
     passages = scene.passages
+    # Merging wins over turns and crossing, as in `PRECEDENCE`.
     merges = _merges(scene, _arrivals(scene)[0])
     found = np.flatnonzero(chosen & _counting(scene) & ~merges & scene.complete[passages.row])
     tags = {"opposing": _opposing(scene)[found], "vru_conflict": _vru_conflict(scene, found)}
@@ -492,6 +511,7 @@ def crosses(scene: Scene) -> BoolArray:
 
     passages = scene.passages
     lines = _lines(scene, np.arange(len(passages)))
+    # One way for each pair of roads: hundreds of vehicles take the same one.
     longest: dict[tuple[int, int], int] = {}
     for index, way in enumerate(
         zip(passages.origin_road.tolist(), passages.target.tolist(), strict=True)

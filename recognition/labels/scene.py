@@ -75,6 +75,7 @@ def leads(
     """The leads of all rows (in the order of tracks and time), as far ahead as `sight` (m)."""
     row = np.full(len(track), ABSENT, np.int64)
     gap = np.zeros(len(track))
+    # By frame, then strip, then place: the next row of the same frame and strip is the lead.
     order = np.lexsort((along, strip, frame))
     order = order[strip[order] != NOWHERE]
     keys = frame[order] * len(lanes.strips) + strip[order]
@@ -82,6 +83,7 @@ def leads(
     behind, ahead = order[:-1][same], order[1:][same]
     row[behind], gap[behind] = ahead, along[ahead] - along[behind]
     heads, starts = np.unique(keys, return_index=True)
+    # Foremost vehicles have no lead on their strip: they look further, all at once, strip by strip.
     searching = order[np.append(starts[1:], len(order)) - 1] if len(order) else order
     passed = lanes.length[strip[searching]] - along[searching]
     strips = _own_next(lanes, track, strip)[searching]
@@ -89,6 +91,7 @@ def leads(
         on = (strips != NOWHERE) & (passed < sight)
         searching, passed, strips = searching[on], passed[on], strips[on]
         key = frame[searching] * len(lanes.strips) + strips
+        # `heads` is sorted, so the hindmost vehicle of a frame on a strip is found by bisection.
         place = np.minimum(np.searchsorted(heads, key), len(heads) - 1)
         found = heads[place] == key if len(heads) else np.zeros(0, bool)
         lead = order[starts[place[found]]]
@@ -100,6 +103,8 @@ def leads(
 
 def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
     """The strip that each row's track takes next, as far as the track shows it; else the straightest."""
+    # Where a lane forks, a lead is one on the way that the vehicle takes, known from its later
+    # rows.
     following = lanes.straight[strip]
     following[strip == NOWHERE] = NOWHERE
     leaving = np.flatnonzero((strip[1:] != strip[:-1]) & (track[1:] == track[:-1]))
@@ -133,6 +138,7 @@ def _measured(
     row, gap = np.where(led, row, ABSENT), np.where(led, gap, 0.0)
     follower = np.full(len(row), ABSENT, np.int64)
     nearest_last = np.flatnonzero(led)[np.argsort(-gap[led], kind="stable")]
+    # Farthest first: of several followers of one lead the nearest is written last and stays.
     follower[row[nearest_last]] = nearest_last
     closing = np.where(led, speed - speed[row], 0.0)
     thw, ttc = time_headway(gap, speed), time_to_collision(gap, closing)
@@ -306,6 +312,8 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
     if len(aside):
         x, y, z, h = (_joined(tracks, name)[aside] for name in ("x", "y", "z", "h"))
         moved = Places._make(column[aside] for column in places)
+        # Maps have bicycle lanes and shoulders that overlap driving lanes; motor vehicles are on
+        # the latter.
         on_driving_lanes(lanes, site.network, moved, Poses(x, y, z, h))
         for column, values in zip(places, moved, strict=True):
             column[aside] = values
@@ -314,6 +322,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
     strip = np.where(lanes.contains(strip, s, offset), strip, NOWHERE)
     still = np.array([is_parked(track, rules) for track in tracks], bool)
     beside = np.abs(offset) > _IN_LANE * lanes.width[strip]
+    # A still vehicle in the middle of its lane queues; one at the edge is parked.
     strip = np.where(still[track] & beside, NOWHERE, strip)
     left = np.where(lanes.forward[strip], 1.0, -1.0)
     boxes = [track.box for track in tracks]
@@ -334,6 +343,8 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
         y=_joined(tracks, "y"),
         h=_joined(tracks, "h"),
         speed=_joined(tracks, "speed"),
+        # Accelerations of recordings are differences of speeds, and noisy; thresholds need their
+        # mean.
         acceleration=smoothed(_joined(tracks, "acceleration"), half, first, last),
         strip=strip,
         along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
@@ -350,6 +361,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
 def is_parked(track: Track, rules: Rules) -> bool:
     """Whether the reference point of a track stays within `rules.parked`, or half a metre for each second of a short track."""
     extent = math.hypot(*(float(np.ptp(track.columns[name])) for name in ("x", "y")))
+    # A track of a second covers little even if the vehicle drives: the limit grows with its length.
     return extent < min(rules.parked, _SLOWEST * float(np.ptp(track.columns["time"])))
 
 
@@ -449,6 +461,8 @@ def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[LabelledEvent
     ]
     taken: dict[int, list[float]] = {}
     kept: list[LabelledEvent] = []
+    # Greedy by precedence, then by row: what is taken first blocks all others less than a window
+    # away.
     for _, row, hits, index in sorted(candidates, key=lambda one: one[:2]):
         time, times = float(scene.time[row]), taken.setdefault(int(scene.track[row]), [])
         if all(abs(time - other) >= scene.rules.window for other in times):

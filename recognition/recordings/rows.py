@@ -102,6 +102,7 @@ class Rows:
             np.append(0, np.cumsum(np.add.reduceat(kept, self.starts[:-1], dtype=np.int64))),
             self.time[kept],
         )
+        # Rows that were taken out leave gaps, so pieces are found anew.
         limits = pieces(time, starts, self.step)
         return Rows(self.order[kept], self.keys, starts, time, self.step, *limits, self.repeated)
 
@@ -154,19 +155,23 @@ def in_order(
         raise InvalidFile(
             f"{clock.column}: frames are {clock.step:g} s apart, at least {_LEAST_STEP:g} s is expected"
         )
+    # Stable: without `sort` the file's own order within a track has to be that of time.
     order = np.lexsort((clock.counts, track)) if sort else np.argsort(track, kind="stable")
     keys, starts = np.unique(track[order], return_index=True)
     starts = np.append(starts, len(order))
     passed = np.ones(len(order), np.int64)
     passed[1:] = np.diff(clock.counts[order])
+    # The step from one track to the next is none.
     passed[starts[:-1]] = 1
     wrong = np.flatnonzero(passed < 0 if repeats else passed <= 0)
     if len(wrong):
+        # The first in the file, so that the message names the line that a reader meets first.
         place = wrong[np.argmin(order[wrong])]
         row = int(order[place])
         name = track[row] if names is None else names[track[row]]
         raise _disordered(table, name, clock, row, int(order[place - 1]))
     repeated = np.add.reduceat(passed == 0, starts[:-1], dtype=np.int64)
+    # Rows left out in the tracks before move each start forwards.
     starts = starts - np.concatenate([[0], np.cumsum(repeated)])
     order = order[passed > 0]
     time = (clock.counts[order] - clock.zero) / clock.per_second
@@ -189,6 +194,7 @@ def parted(rows: Rows, heads: IntArray, least: float) -> Parted:
     begins = np.union1d(rows.starts[:-1], heads)
     ends = np.append(begins[1:], len(rows))
     origin = np.searchsorted(rows.starts, begins, side="right") - 1
+    # A short track that was recorded so is data; a short part of a cut one is a leftover.
     whole = np.bincount(origin, minlength=len(rows.keys))[origin] == 1
     keep = whole | (rows.time[ends - 1] - rows.time[begins] >= least)
     sizes, origin = (ends - begins)[keep], origin[keep]
@@ -245,6 +251,7 @@ def columns_of(
         x, y: centres of the boxes, m. h: headings, rad, of any turn.
         speed, acceleration: along the heading, m/s and m/s².
     """
+    # From the centre of the box to the reference point, which lies `box.x` behind it.
     behind = rows.each([one.box.x for one in who])
     zero, count = np.zeros(len(rows)), len(rows)
     return {
@@ -252,6 +259,7 @@ def columns_of(
         "x": x - behind * np.cos(h),
         "y": y - behind * np.sin(h),
         "z": zero,
+        # Between -π and π, whatever turns the file counts.
         "h": np.arctan2(np.sin(h), np.cos(h)),
         "pitch": zero,
         "roll": zero,
@@ -291,6 +299,7 @@ _FACING = 0.9
 
 def rate(values: FloatArray, rows: Rows) -> FloatArray:
     """Rate of change, per s: a central difference, shorter at the ends of a piece; 0 where there is nothing to compare."""
+    # Not across a piece's ends: a difference over missing frames is a mean, not a rate.
     reach = max(1, round(REACH / rows.step))
     here = np.arange(len(rows))
     before, after = np.maximum(here - reach, rows.first), np.minimum(here + reach, rows.last)
@@ -307,6 +316,7 @@ def heading_of_motion(vx: FloatArray, vy: FloatArray, rows: Rows) -> FloatArray:
     """
     moving = np.hypot(vx, vy) >= STANDING
     here = np.arange(len(rows))
+    # The last moving row at or before each row, and the next one after it, by running extremes.
     latest = np.maximum.accumulate(np.where(moving, here, -1))
     following = np.minimum.accumulate(np.where(moving, here, len(rows))[::-1])[::-1]
     start, end = rows.each(rows.starts[:-1]), rows.each(rows.starts[1:])
@@ -325,6 +335,7 @@ def believable(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, row
     least, greatest = _CREDIBLE
     if travelled < STANDING**2 * len(rows) / 10:
         return True  # too little motion to compare
+    # Projection of given on derived velocities, weighted by way: near 1 if unit and sign are right.
     return least <= float((vx * dx + vy * dy).sum()) / travelled <= greatest
 
 
@@ -403,6 +414,7 @@ def matched(table: Table, rows: Rows, meta: Table, key: str) -> IntArray:
     twice = np.flatnonzero(np.diff(ids) == 0)
     if len(twice):
         raise meta.fault(int(order[twice[0] + 1]), key, f"track {ids[twice[0]]} is there twice")
+    # Either file may be cut short: both directions are compared.
     unknown = np.flatnonzero(~np.isin(rows.keys, ids))
     if len(unknown):
         row = int(rows.order[rows.starts[unknown[0]]])
@@ -458,6 +470,7 @@ def categories(table: Table, column: str, known: Mapping[str, str]) -> NDArray[n
         InvalidFile: a kind is not known; names line and column.
     """
     kinds = table[column].tolist()
+    # Each kind once, in the order of the file: tables have millions of rows and a few kinds.
     found = {kind: known.get(str(kind).strip().lower(), "") for kind in dict.fromkeys(kinds)}
     unknown = next((kind for kind, category in found.items() if not category), None)
     if unknown is not None:
@@ -498,6 +511,7 @@ def changes(table: Table, rows: Rows, names: Sequence[str], columns: Sequence[st
         first = rows.each(values[rows.starts[:-1]])
         differs = values != first
         if values.dtype.kind == "f":
+            # NaN is not equal to itself: missing in both rows is no contradiction.
             differs &= ~(np.isnan(values) & np.isnan(first))
         changing = [names[track] for track in np.flatnonzero(rows.totals(differs)).tolist()]
         if changing:

@@ -67,6 +67,8 @@ def _entry(group: str, category: str, recorded: BoundingBox) -> Entry:
     kind = _KINDS[group]
     name = f"{category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"
     about = (box.x, box.y, round(box.z - box.height / 2, 2) + 0.0)
+    # The box's place relative to the reference point is part of the name only where it is not
+    # usual.
     name += "".join(
         f"_{axis}{value:.2f}" for axis, value in zip("xyz", about, strict=True) if value
     )
@@ -95,7 +97,9 @@ def trajectories(scene: Excerpt) -> list[Any]:
 def _trajectory(part: Part, start: float) -> Any:
     columns = np.stack([part.time - start, *(part.column(name) for name in ("x", "y", "h"))])
     time, x, y, h = (
-        np.round(values, digits) + 0.0 for values, digits in zip(columns, _OF_VERTEX, strict=True)
+        # + 0.0 turns -0.0 into 0.0, which would be written otherwise.
+        np.round(values, digits) + 0.0
+        for values, digits in zip(columns, _OF_VERTEX, strict=True)
     )
     return maneuvers.trajectory(part.name, time, x, y, h=h)
 
@@ -125,6 +129,7 @@ def scenario(
         version: of the standard.
     """
     ego, *others = (_participant(part, scene, entries[part.name]) for part in scene.parts)
+    # XML is built once, for the ego; the others are filled into its text.
     alone = _document(
         path, header, ego, scene.end - scene.start, road=road, catalogs=catalogs, version=version
     )
@@ -161,6 +166,7 @@ def _participant(part: Part, scene: Excerpt, entry: Entry) -> _Participant:
         "ends": _rounded(ends - scene.start) - _EARLY,
     }
     names = {"name": part.name, "catalog": f"{entry.kind}Catalog", "entry": entry.name}
+    # The ego stays to the end by definition of the scene.
     leaves = part.name != EGO and ends < scene.end - _EARLY
     return _Participant(names, numbers, begins > scene.start + _EARLY, leaves)
 
@@ -264,6 +270,7 @@ def whole(
         version: of the standard.
         exact: have everyone at each vertex at its time, whatever speeds that takes.
     """
+    # `follow` observes the Performance, `position` does not (FollowTrajectoryAction).
     mode = "position" if exact else "follow"
     entities, init, acts = dict[str, Any](), dict[str, list[Any]](), list[tuple[str, Any]]()
     for part, followed in zip(scene.parts, trajectories(scene), strict=True):

@@ -65,6 +65,8 @@ def declarations(maneuver: RecordedManeuver, version: Version) -> list[Any]:
         low, high = _range(name, value, maneuver)
         limits = ("greaterOrEqual", low), ("lessOrEqual", high)
         declared.append(maneuvers.parameter(name, "double", value, [limits]))
+    # The passive vehicle's speed has no range: it is a condition of the scene, not of the
+    # manoeuvre.
     if maneuver.other is not None:
         declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
     if maneuver.passage is not None and maneuver.passage.continuation is not None:
@@ -82,6 +84,7 @@ def _range(name: str, value: float, maneuver: RecordedManeuver) -> tuple[float, 
     """Range of a parameter: the usual one, widened to both sides of the recorded value."""
     passage = maneuver.passage
     low, high = maneuver.speeds if name in (START_SPEED, END_SPEED, FINAL_SPEED) else RANGES[name]
+    # A recorded value is never at the edge of its range: searches go beyond it on both sides.
     low, high = (
         round(each, 3)
         for each in (min(low, (1.0 - _BESIDE) * value), max(high, (1.0 + _BESIDE) * value))
@@ -101,6 +104,8 @@ def _begin(maneuver: RecordedManeuver, version: Version) -> str:
     if maneuver.in_one_lane:
         begin = approach(begin, f"${GAP}", _opening(maneuver), version)
     if passage is not None:
+        # The path begins where the recording did: at that speed it reaches back so far and no
+        # further.
         begin = lesser(begin, f"{passage.begin:.3f} / (${START_SPEED} + {STILL})", version)
         if passage.conflict is not None:
             reached = f"({passage.conflict.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {STILL})"
@@ -136,6 +141,7 @@ def approach(start_time: str, gap: str, opening: str, version: Version = _MIN_MA
 
 def trigger_gap(gap: str, opening: str | None = None, version: Version = _MIN_MAX) -> str:
     """The longest gap at which the manoeuvre begins; any, where the gap grows: it has been reached if the ego was late."""
+    # Vehicles from the side close in on the conflict point: the gap only shrinks.
     if opening is None:
         return f"{gap} + {_REACHED}"
     sign = (
@@ -149,6 +155,8 @@ def trigger_gap(gap: str, opening: str | None = None, version: Version = _MIN_MA
 def lesser(a: str, b: str, version: Version = _MIN_MAX) -> str:
     """The lesser of two"""
     return (
+        # Before 1.3 expressions have no min(): (a + b - |a - b|) / 2, with the absolute value as a
+        # root.
         f"min({a}, {b})"
         if version >= _MIN_MAX
         else f"((({a}) + ({b}) - sqrt(pow(({a}) - ({b}), 2))) / 2)"
@@ -211,6 +219,7 @@ def events(
     settled = maneuvers.speed(
         parameters["final_speed"], over_time._replace(value=parameters["rest_time"])
     )
+    # The second change begins in the step after the first one has ended, with the speed reached.
     changed = maneuvers.element_state("event", change, "completeState")
     return [maneuvers.event(change, actions, start), maneuvers.event(settle, [settled], changed)]
 
@@ -488,6 +497,7 @@ def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
 def _route(maneuver: RecordedManeuver, network: RoadNetwork, name: str) -> Any | None:
     """The route of an ego that leaves its road, from where it is first to where it is last; None for one that needs none."""
     places = [_place(maneuver.ego, time) for time in (maneuver.start, maneuver.end)]
+    # On one road the lane leads there anyway.
     if places[0].road_id == places[1].road_id or network.route(places) is None:
         return None
     return maneuvers.route(

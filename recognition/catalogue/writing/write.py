@@ -257,6 +257,8 @@ class CatalogWriter:
             )
             scene = material.scenes.cut(episode.ego, episode.start, episode.end, involved)
             self._write(_Context(material, road, episode, scene))
+            # Trajectories belong to one scene: their catalogue is written with it, and does not
+            # wait in memory.
             for place in sorted(
                 place for place in self._entries if place.kind == "Trajectory"
             ):  # of this scenario alone
@@ -298,6 +300,7 @@ class CatalogWriter:
         try:
             row["maneuver"] = self._put(episode, "_maneuver.xosc", self._variation(context, header))
         except Unsupported as reason:
+            # The replay stands alone then; the index says why there is no variation.
             row["no_maneuver"] = reason.message
         row["openlabel"] = self._put(
             episode, ".openlabel.json", xosc_tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR)
@@ -509,6 +512,7 @@ def _encounter(ego: Track, partner: Track, finding: Detection) -> dict[str, Any]
         "gap": float(view.ahead[now]),
         "pair_touches": bool((between.distance <= 0.0).any()),
     }
+    # Overlapping boxes have no gap to divide by: measures would be of the boxes' errors.
     if not found["pair_touches"]:
         measured = criticality(mine, [theirs])
         drac = _extreme(measured.drac, np.max)

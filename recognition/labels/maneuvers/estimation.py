@@ -51,6 +51,7 @@ class LaneCoordinates:
 
     def row(self, track: int, frame: int) -> int | None:
         """The row of a track in a frame; None where it has none."""
+        # Rows are sorted by track, then frame.
         lo, hi = np.searchsorted(self.scene.track, [track, track + 1])
         place = lo + int(np.searchsorted(self.scene.frame[lo:hi], frame))
         return place if place < hi and self.scene.frame[place] == frame else None
@@ -68,6 +69,7 @@ def lane_motion(scene: Scene) -> LaneCoordinates:
     dx, dy = np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])
     across = np.diff(changes.side, prepend=changes.side[:1])
     ahead = dx * np.cos(scene.h) + dy * np.sin(scene.h)
+    # Pythagoras: what a step covers beside its lateral part, with the sign of driving forwards.
     along = np.copysign(np.sqrt(np.maximum(dx**2 + dy**2 - across**2, 0.0)), ahead)
     begins = np.diff(changes.course, prepend=-1) != 0
     starts = np.flatnonzero(begins)
@@ -95,6 +97,8 @@ def distance_model(time: FloatArray, duration: float, rest: float) -> FloatArray
         time: instants counted from the manoeuvre's beginning (n,), s.
         duration: of the manoeuvre, s. rest: from its end to the scene's, s.
     """
+    # The speed is constant before, changes linearly during the manoeuvre and linearly over the
+    # rest: the distance is linear in the three speeds, so that least squares fit them directly.
     during = np.clip(time, 0.0, duration)
     after = np.clip(time - duration, 0.0, None)
     gained, settled = (
@@ -114,6 +118,7 @@ def fit_speeds(model: FloatArray, way: FloatArray, seen: FloatArray) -> FloatArr
         way: since the manoeuvre began (n,), m.
         seen: speeds at its beginning, its end, and the scene's end (3,), m/s.
     """
+    # Rows of the identity pull each speed towards the one that was seen at its instant.
     target = np.concatenate([way, _WEIGHT * seen])
     found = np.linalg.lstsq(np.vstack([model, _WEIGHT * np.eye(3)]), target)[0]
     return np.maximum(found, 0.0)
@@ -206,6 +211,7 @@ def lane_changes(motion: LaneCoordinates) -> list[LaneChange]:
         first, last = int(motion.first[row]), min(int(motion.last[row]), after - 1)
         if found and found[-1].end > first:
             first = found[-1].end
+        # A lane change cannot begin where there is no lane to change to.
         alone = np.flatnonzero(lacking[left][first:row])
         earliest = min(first + int(alone[-1]) + 1 + margin, row - 1) if len(alone) else first
         change = _fitted(motion, row, first, last, earliest)
@@ -255,6 +261,7 @@ def _fitted(
         return None
     centre = motion.lateral[row] - scene.offset[row]
     began = motion.lateral[start]
+    # All beginnings and durations at once: the least squares of a sinusoidal path decide.
     model = began + (centre - began) * progress(np.clip((compared - start) / size, 0.0, 1.0))
     best = int(np.square(motion.lateral[compared] - model).sum(axis=1).argmin())
     return LaneChange(
@@ -430,6 +437,8 @@ def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
             concerned.get(row, []).append((kind, int(scene.track[ego])))
     for index, change in enumerate(changes):
         leader = segmentation.leader(index)
+        # One change, several units: for its own leader, and for each vehicle that it cuts in on or
+        # leaves.
         own = [(LANE_CHANGE, leader)] if leader != ABSENT else []
         for kind, other in (*own, *concerned[change.row]):
             yield segmentation.of_change(index, kind, other)
@@ -443,6 +452,7 @@ def _phases(
     sign = np.where(
         np.abs(scene.acceleration) > thresholds.acceleration, np.sign(scene.acceleration), 0.0
     ).astype(np.int64)
+    # +1 where a change begins, -1 where it ends: the running sum is positive within changes.
     changing = np.zeros(len(sign) + 1, np.int64)
     np.add.at(changing, [change.start for change in changes], 1)
     np.add.at(changing, [change.end for change in changes], -1)

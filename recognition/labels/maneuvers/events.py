@@ -106,6 +106,7 @@ def _lane_change(
 def _kept_lane(segmentation: Segmentation, kind: str, actor: int, passive: int, span: Span) -> Unit:
     """The unit of a track's stretch that was recognised."""
     scene = segmentation.motion.scene
+    # The parameters reach `LONGEST` at most: of longer following the first part is the manoeuvre.
     times = span.start, min(span.end, span.start + LONGEST)
     start, last = (
         segmentation.motion.row(actor, round((time - scene.begin) / scene.step)) for time in times
@@ -136,6 +137,7 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Re
         other = tracks[names[unit.other if unit.actor == own else unit.actor]]
         row = motion.row(unit.other, int(motion.scene.frame[unit.start]))
         assert row is not None, "the other was recorded then"
+        # Before that the other vehicle was in another lane: the scene must not start earlier.
         approach = min(LONGEST, begin - float(time[motion.in_lane_since(row)]))
     left = unit.shift > 0.0 if kind in _UNITS else None
     passage = Passage.of(RecordedPath.of(ego), begin) if kind == "ramp" else None
@@ -201,11 +203,14 @@ class _EgoPath:
         near = np.flatnonzero(
             (apart < _SAME) & (self._then[np.minimum(nearest, len(self._then) - 1)] > self._begins)
         )
+        # Beside the ego's path from the start on: it drives alongside and does not come from the
+        # side.
         if not len(near) or apart[0] < _BESIDE:
             return None
         first = int(near[0])
         place = row + first
         path = RecordedPath.of(track)
+        # Its front is there first, ahead of the reference point.
         reach = float(path.at(time[place])) - track.box.x - 0.5 * track.box.length
         if reach <= path.at(self._begins):
             return None
@@ -309,6 +314,7 @@ def _inside(
             (np.abs(turned - turned[0]) > _BEND) & (np.abs(turned - turned[-1]) > _BEND)
         )
         rows = rows[bends[0] : bends[-1] + 1] if len(bends) else rows
+    # Waiting for oncoming traffic inside the junction belongs to the approach.
     stands = rows[track.columns["speed"][rows] < _STANDS]
     start = stands[-1] if len(stands) else rows[0]
     return float(at[start]), float(at[min(rows[-1] + 1, len(at) - 1)])
@@ -321,6 +327,7 @@ def _continuation(conflict: ConflictPoint, speed: float, end: float) -> SpeedCha
     if duration < SHORTEST:
         return SpeedChange(speed, SHORTEST)
     way = float(conflict.path.at(last)) - conflict.reach
+    # Under a constant acceleration the way is the mean of both speeds times the duration.
     return SpeedChange(max(2.0 * way / duration - speed, 0.0), duration)
 
 
@@ -390,4 +397,5 @@ class Maneuvers:
         if limit is None:
             return found.speeds
         most = min(_FASTEST * limit, found.speeds[1])
+        # Passages may begin from standstill.
         return (0.0, min(most, _TURNING)) if found.kind == "passage" else (_SLOWEST * limit, most)

@@ -122,6 +122,8 @@ class RecordedManeuver:
         delay = min(self.values.start_time, self.approach)
         if self.passage is not None:
             delay = min(delay, self.passage.longest(self.values.start_speed))
+        # Two in one lane that keep their speeds until the start must not have been closer than
+        # `APART`.
         if self.in_one_lane and self.values.gap is not None:
             opening = (self.speed - self.values.start_speed) * (1.0 if self.ego_acts else -1.0)
             delay = min(delay, max(self.values.gap - APART, 0.0) / max(opening, STILL))
@@ -223,6 +225,7 @@ def recorded_speeds(
         first: from when on its way counts, s.
         start: of the manoeuvre, s; duration and rest as in `distance_model`.
     """
+    # Half a step beyond, so that rounding does not drop the last instant.
     time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
     seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
     distance = path.at(start + time) - path.at(start)

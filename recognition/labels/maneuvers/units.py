@@ -63,6 +63,7 @@ class Exposure:
         steps = np.where(
             (np.diff(scene.track) == 0) & (np.diff(scene.frame) == 1), np.diff(scene.time), 0.0
         )
+        # Only driving of possible egos: rates are per hour of these.
         steps[~scene.egos[scene.track[:-1]]] = 0.0
         ways = steps * np.abs(scene.speed[:-1])
         hours, kilometres = float(steps.sum()) / _HOUR, float(ways.sum()) / _KILOMETRE
@@ -146,6 +147,8 @@ def pairs(samples: Samples, first: str, second: str) -> PairedUnits:
     lag = two.times - one.times
     behind = two.others == one.actors
     followed = np.where(behind, one.theta[:, _START_SPEED], two.ego_speeds)
+    # The gap was measured when the second unit began; it is carried back to the first one's
+    # beginning.
     ahead = two.theta[:, _GAP] - (two.theta[:, _START_SPEED] - followed) * lag
     ahead -= np.where(behind, 0.0, one.theta[:, _GAP] + LENGTH)
     kept = np.flatnonzero((ahead > 0.0) & (np.abs(lag) < MOST_LAG))
@@ -296,6 +299,7 @@ class Samples:
         numbers = dict(zip(_NUMBERS, every, strict=True)) | (
             {_JERK: self.jerks} if np.isfinite(self.jerks).any() else {}
         )
+        # In the file's metadata: recordings without a unit have exposure too, but no row.
         metadata = {_EXPOSURE: to_bytes(self.exposure)} if self.exposure else None
         table = pa.table(
             texts | {name: np.round(each, DIGITS) for name, each in numbers.items()},

@@ -200,6 +200,7 @@ def _clock(form: ColumnsDeclaration, time: FloatArray, track: IntArray) -> tuple
     """Times in µs, and the step: the one declared, else the most frequent one within tracks, s."""
     factor = form.units["time"]
     seconds = time * (form.step if math.isnan(factor) and form.step else factor)
+    # Whole microseconds: equal times of different tracks compare equal.
     counts = np.round((seconds - seconds.min()) * _MICRO).astype(np.int64)
     if form.step is not None:
         return counts, form.step
@@ -208,6 +209,7 @@ def _clock(form: ColumnsDeclaration, time: FloatArray, track: IntArray) -> tuple
     steps = steps[steps > 0]
     if not len(steps):
         raise InvalidFile(f"{form.columns['time']}: no track has two times", path=form.path)
+    # To milliseconds, since clocks jitter: the most frequent step is that of the sensor.
     found, often = np.unique(np.round(steps, -3), return_counts=True)
     return counts, float(found[often.argmax()]) / _MICRO
 
@@ -223,6 +225,7 @@ def _places(
         return x, y, heading_of_motion(rate(x, rows), rate(y, rows), rows)
     turn = form.units["heading"] * values["heading"][rows.order]
     turn = turn if form.frame["heading_turns"] == "left" else -turn
+    # The table's y axis is at +90° or -90° of x, by the side on which it lies.
     zero = 0.0 if form.frame["heading_from"] == "x" else side * 0.5 * np.pi
     return x, y, zero + turn
 

@@ -183,8 +183,10 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
     check_sizes(boxes, _SIZES)
     frames, frame = _frames(boxes)
     ego = _poses(path.with_name(_POSES), frames)
+    # Riders have boxes of their own inside that of their vehicle: they would collide with it.
     riders = np.isin(np.char.lower(boxes["category"].astype(str)), _RIDERS)
     kept = ~riders & (np.char.lower(boxes["category"].astype(str)) != "ego_vehicle")
+    # Boxes are in the frame of the recording vehicle: its pose at the time of each box turns them.
     x, y, h = _in_city(boxes, frame, ego)
     own = participant(EGO, "car", *_EGO_SIZE)
     keys, track = np.unique(boxes["track_uuid"][kept].astype(str), return_inverse=True)
@@ -260,6 +262,7 @@ def _frames(boxes: Table) -> tuple[IntArray, IntArray]:
             "timestamp_ns",
             f"{stamps[wrong[0] + 1]} is {apart}, 0.1 s (times in ns) is expected",
         )
+    # Sweeps jitter: each is given the nearest frame of a clock at 10 Hz.
     number = np.append(0, np.cumsum(np.round(counts).astype(np.int64)))
     return np.interp(np.arange(number[-1] + 1), number, stamps - stamps[0]).astype(
         np.int64
@@ -291,6 +294,7 @@ def _poses(path: Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         )
     quaternions = np.stack([table[name] for name in _QUATERNION], axis=1)
     _check_quaternions(table, quaternions)
+    # q and -q are one rotation: signs are made to agree, so that the mean of two lies between them.
     turns = np.sign((quaternions[1:] * quaternions[:-1]).sum(axis=1))
     quaternions[1:] *= np.cumprod(np.where(turns < 0.0, -1.0, 1.0))[:, None]
     at, since = (frames - stamps[0]) / _NANOSECONDS, (stamps - stamps[0]) / _NANOSECONDS

@@ -102,6 +102,8 @@ def recording_of(root: etree._Element) -> tuple[Recording, Report]:
     exclusions: list[Exclusion] = []
     for element, role in _obstacles(root):
         reason = _unusable(element, role)
+        # An obstacle without a way is left out and reported; an obstacle that is malformed is an
+        # error.
         if reason:
             exclusions.append(_left_out(element, reason))
         else:
@@ -256,6 +258,7 @@ def _exact(
 
 def _to_the_end(obstacles: list[_Obstacle]) -> list[_Obstacle]:
     """The obstacles, with standing ones there to the end."""
+    # Static obstacles have one state: they are there as long as any other one.
     end = max((one.states[-1].step for one in obstacles), default=0)
 
     def still(state: State) -> list[State]:
@@ -373,6 +376,8 @@ class _Entry(tarfile.TarInfo):
 def _archive(path: Path, _version: int) -> dict[str, tuple[tarfile.TarFile, tarfile.TarInfo]]:
     """The files of an archive by name; it stays open, so that reading them one after the other unpacks it once."""
     current().admit(path)
+    # Compressed archives can only be read forwards: opening them for each member would unpack them
+    # from the beginning each time.
     archive = tarfile.open(path, tarinfo=_Entry)  # noqa: SIM115 - it stays open
     return {member.name: (archive, member) for member in archive.getmembers() if member.isfile()}
 
@@ -422,6 +427,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
 
     tagged = _tagged(root)
     unlimited = (
+        # See the docstring: lanelets, then tags, then limits.
         "town" if tagged == "unknown" and any("urban" in one.types for one in found) else tagged
     )
 

@@ -91,6 +91,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     rate = float(recording["frameRate"][0])
     vehicles = read_table(beside(path, "tracksMeta"), _VEHICLES)
     table = read_table(path, _TRACKS)
+    # Frames count from 1.
     rows = in_order(table, table["id"], Clock("frame", table["frame"], rate, 1.0 / rate, zero=1))
     check_sizes(table, _SIZES)
     check_sizes(vehicles, _SIZES)
@@ -118,6 +119,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
 
 def _columns(table: Table, rows: Rows, who: list[TrackParticipant], direction: IntArray) -> Columns:
     values = {name: table[name][rows.order] for name in _TRACKS}
+    # From the image's upper left corner to the centre, and from y downwards to y to the left.
     x, y = values["x"] + 0.5 * values["width"], -(values["y"] + 0.5 * values["height"])
     vx, vy, ax, ay = (
         values["xVelocity"],
@@ -135,6 +137,8 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], direction: I
 
 def _heading(vx: FloatArray, vy: FloatArray, ahead: FloatArray) -> FloatArray:
     """Direction of motion within a right angle of the driving direction, `ahead` = ±1 along x; rad."""
+    # A lower bound of the speed along the road: the slower a vehicle, the nearer its heading to the
+    # road.
     onwards = np.maximum(ahead * vx, _STEADY)
     return np.arctan2(vy, ahead * onwards)
 
@@ -163,6 +167,7 @@ def _highway(recording: Table, x: FloatArray) -> Highway:
     upper, lower = (
         _markings(recording, name) for name in ("upperLaneMarkings", "lowerLaneMarkings")
     )
+    # y downwards: the upper carriageway has the smaller values.
     if upper and lower and upper[-1] > lower[0]:
         raise recording.fault(
             0,

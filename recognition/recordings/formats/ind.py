@@ -138,6 +138,7 @@ def _origin(recording: Table) -> tuple[float, float]:
         float(recording[name][0]) for name in ("lonLocation", "xUtmOrigin", "yUtmOrigin")
     )
     zone = utm_zone(longitude)
+    # The zone follows from the longitude, which the file gives; a wrong origin lands far from it.
     projection = pyproj.Proj(proj="utm", zone=zone, ellps="WGS84")
     east, north = projection(easting, northing, inverse=True)
     if not (abs(longitude) <= 180.0 and abs(east - longitude) < _NEAR and abs(north) <= 84.0):
@@ -176,6 +177,7 @@ def _read(path: Path, rate: float) -> tuple[Recording, Report]:
             "yAcceleration",
         )
     )
+    # Headings are in degrees, unlike INTERACTION's.
     h = np.radians(table["heading"][rows.order])
     speed, acceleration = (_along(h, *each) for each in ((vx, vy), (ax, ay)))
     columns = columns_of(rows, who, x, y, h, speed, acceleration)

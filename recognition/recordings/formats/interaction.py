@@ -268,6 +268,8 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
         report.checks.append(Check("velocities", REPAIRED, _DOUBT, reason))
         vx, vy = rate(x, rows), rate(y, rows)
     h = _headings(table, rows, who, vx, vy)
+    # Degrees only if three things agree: values no angle in rad has, and motion that fits as
+    # degrees and not as they are.
     if np.abs(h).max() > _FULL_TURN and not facing(h, vx, vy) and facing(np.radians(h), vx, vy):
         h = np.radians(h)
         report.remarks.append(

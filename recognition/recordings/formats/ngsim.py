@@ -188,6 +188,7 @@ def _public_columns(
     x, y = unit * table["local_y"][rows.order], -unit * table["local_x"][rows.order]
     h = heading_of_motion(rate(x, rows), rate(y, rows), rows)
     remarks.append("headings are the directions of motion")
+    # Local_X and Local_Y are of the middle of the front bumper.
     half = 0.5 * rows.each([one.box.length for one in who])
     speed = unit * table["v_vel"][rows.order]
     if "v_acc" in table.columns:
@@ -208,6 +209,8 @@ def _unit(table: Table, metres: bool, remarks: list[str]) -> float:
     if not metres:
         return FOOT
     speeds = table["v_vel"]
+    # Speeds were published in hundredths of a foot per second: which factor gives them back tells
+    # which one was used.
     if _hundredths(speeds / _MISTAKEN_FOOT) and not _hundredths(speeds / FOOT):
         remarks.append(
             f"lengths were converted at {_MISTAKEN_FOOT} m a foot: they are corrected to {FOOT}"
@@ -237,6 +240,8 @@ def _vehicles(table: Table) -> tuple[IntArray, list[str]]:
     """Key of each row's vehicle, and the name for each key in ascending order."""
     period = np.zeros(len(table), np.int64)
     if "global_time" in table.columns:
+        # Global time less the frames' time is when a period began: vehicles of two periods share
+        # ids.
         period = np.round(
             (table["global_time"] - table["frame_id"] * STEP * _MILLISECONDS) / _PERIOD
         ).astype(np.int64)
@@ -300,6 +305,8 @@ def _read_metric(path: Path) -> tuple[Recording, Report]:
 def _turn(x: FloatArray, y: FloatArray, h: FloatArray, rows: Rows, remarks: list[str]) -> float:
     """Quarter turns between the direction that headings count from and the x axis, from the motion, rad."""
     vx, vy = rate(x, rows), rate(y, rows)
+    # Sums over all rows: vehicles drive forwards on the whole, so their mean direction is 0 if
+    # headings count from x.
     ahead, aside = (vx * np.cos(h) + vy * np.sin(h)).sum(), (vy * np.cos(h) - vx * np.sin(h)).sum()
     quarters = round(float(np.arctan2(aside, ahead)) / (0.5 * np.pi))
     if quarters:

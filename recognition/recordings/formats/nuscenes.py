@@ -179,6 +179,7 @@ def _objects(path: Path, at: Mapping[str, float]) -> Iterator[_Keyframes]:
     time = np.array([at[token] for token in boxes["sample_token"]])
     x, y, h = boxes["translation.0"], boxes["translation.1"], _headings(boxes)
     tokens, track = np.unique(boxes["instance_token"].astype(str), return_inverse=True)
+    # Tokens have 32 hexadecimal digits: the shortest beginning that tells them apart, 8 at least.
     length = next(
         n for n in range(8, 65) if n == 64 or len({token[:n] for token in tokens}) == len(tokens)
     )
@@ -267,6 +268,7 @@ def _between(time: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray
     """Steps at 10 Hz from the first to the last keyframe, without those where keyframes are missing, and values in between."""
     from scipy.interpolate import PchipInterpolator
 
+    # Headings are interpolated: a jump of 2π between keyframes would spin the vehicle.
     values = np.column_stack([values[:, :2], np.unwrap(values[:, 2])])
     steps: list[IntArray] = []
     found: list[FloatArray] = []
@@ -279,6 +281,8 @@ def _between(time: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray
         if len(rows) == 1 or not len(own):
             own, there = np.array([max(round(time[rows[0]] / _STEP), 0)]), values[rows[:1]]
         else:
+            # Monotone cubics: a standing vehicle stays in place between keyframes, where splines
+            # would swing.
             there = PchipInterpolator(time[rows], values[rows])(
                 np.clip(own * _STEP, time[rows[0]], time[rows[-1]])
             )
@@ -426,6 +430,7 @@ def _line(arcs: Any, path: Path, element: str) -> FloatArray:
         ) from None
     if not (np.abs(line) <= GREATEST).all():
         raise InvalidFile("an arc is no place in m", path=path, element=element)
+    # Pieces meet at equal points: doubles have no direction.
     return line[np.append(True, np.hypot(*np.diff(line, axis=0).T) > 1e-3)]
 
 

@@ -59,6 +59,7 @@ def _ego(path: Path) -> str | None:
 
 
 def _read(path: Path) -> tuple[Recording, Report]:
+    # The time of change is part of the key: a trace that was written anew is read anew.
     found = _trace(path, path.stat().st_mtime_ns)
     tracks = [
         Track(each.name, each.kind, each.category, each.box, each.read)

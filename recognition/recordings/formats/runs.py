@@ -98,6 +98,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
         raise InvalidFile(f"{min(absent)!r} is not among the entities of {RESULT}", path=path)
     number = {name: index for index, name in enumerate(names)}
     track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
+    # Times were written as decimal fractions of a second: rounded, they are whole steps again.
     clock = Clock(
         "time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, setup.timestep
     )

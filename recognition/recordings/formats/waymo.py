@@ -69,6 +69,7 @@ def claims(path: Path) -> bool:
             head = file.read(_HEAD)
     except OSError:
         return False
+    # By the beginning alone: scenes have megabytes, and folders thousands of them.
     return b'"name"' in head and b'"objects"' in head and b'"position"' in head
 
 
@@ -129,6 +130,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
             objects.append(found)
         else:
             exclusions.append(Exclusion(f"object {found.who.name}", 0, "it has no valid step"))
+    # A unit is wrong, not an object.
     if oversized and len(oversized) >= len(objects):
         raise InvalidFile(
             f"most objects are too large, such as {oversized[0].what}: {oversized[0].reason}",
