@@ -215,7 +215,7 @@ def measures_page() -> str:
     ]
     table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
     return (
-        f"# Measures\n\n{_GENERATED} [How to add one](../extending/measure.md).\n\n"
+        f"# Measures\n\n{_GENERATED} [How to add one](../extending/README.md#measures).\n\n"
         + "\n".join(table)
         + "\n"
     )

@@ -62,7 +62,7 @@ CACHES = {
     "schemas.catalogs._catalog": FILE,
     "schemas.checks.registry.all_rules": PROGRAM,
     "schemas.checks.road_references._read": FILE,
-    "schemas.common.packages._plugins": PROGRAM,
+    "schemas.common.plugins._declared": PROGRAM,
     "schemas.common.packages.described": PROGRAM,
     "schemas.common.packages.names": PROGRAM,
     "schemas.common.terminal.files.shipped": PROGRAM,

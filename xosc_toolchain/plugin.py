@@ -4,18 +4,49 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from runner.exchange.exports import TARGETS
 from runner.exchange.exports.exporting import export_documents
-from schemas.common.errors import UsageError
+from schemas.common.errors import UsageError, nearest
 from schemas.common.storage import keep, writing
 from schemas.common.terminal.files import LIBRARY, shipped
 from schemas.common.terminal.files import named as file_of
 from xosc.exports.draft import Folder
 from xosc_toolchain.settings import write_settings
 
+# packages that extend the toolchain: copies of the templates -------------------------------------
+
+_TEMPLATES = Path(__file__).with_name("templates")
+_NAMED = "acme"
+"""Name in templates that stands for the package's"""
+
+
+class _Kind(NamedTuple):
+    """Kind of extension that a package may bring.
+
+    Attributes:
+        group: of its entry points.
+        entry: the entry point's value, behind the package's name.
+        files: templates beside its module and the test.
+    """
+
+    group: str
+    entry: str
+    files: tuple[str, ...] = ()
+
+
+KINDS = {
+    "action": _Kind("xosc.action", "action", ("coast.xosc",)),
+    "condition": _Kind("xosc.condition", "condition", ("lane.xosc",)),
+    "measure": _Kind("xosc.measure", "measure"),
+    "export": _Kind("xosc.export", "export"),
+    "dataset": _Kind("xosc.dataset", "dataset"),
+    "system": _Kind("xosc.sut", "system:Acme"),
+}
+"""Kinds by the name of their templates"""
 _PROJECT = """\
 [build-system]
 requires = ["hatchling"]
@@ -26,110 +57,63 @@ name = "{name}"
 version = "0.1.0"
 requires-python = ">=3.11"
 dependencies = ["xosc-toolchain"]
-
-# Each group names modules; see docs/extending/plugin.md. Others: xosc.action, xosc.condition,
-# xosc.position, xosc.dataset, and xosc.sut, which names classes.
-[project.entry-points."xosc.measure"]
-{name} = "{name}.measures"
-
-[project.entry-points."xosc.export"]
-{name}-speeds = "{name}.speeds"
 """
-_PACKAGE = '"""Extensions of the scenario toolchain."""\n'
-_MEASURES = '''\
-"""Measures of runs."""
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from runner.judging.measures.measure import RunMeasure, measure
-
-if TYPE_CHECKING:
-    from runner.judging.measures.criticality import Criticality
-
-SHORT = 1.5
-"""Threshold of the time to collision, s"""
 
 
-@measure
-class ShortTime(RunMeasure):
-    """Time with a time to collision below the threshold."""
+def write_plugin(name: str, kinds: Sequence[str], folder: Path) -> list[Path]:
+    """Write a package with an example of each kind and its test, to be installed by pip; the files.
 
-    name = "{name}_short_ttc"
-    label = "Time exposed to a short time to collision"
-    unit = "s"
-    formula = f"time with time to collision < {{SHORT:g}} s"
-    critical = "high"
-    validity = "always"
-    source = "this package"
-    is_extreme = False
-
-    def of(self, run: Criticality) -> float:
-        short = run.ttc.valid & (run.ttc.value < SHORT)
-        return float(run.time[1] - run.time[0]) * int(short.sum()) if len(run.time) > 1 else 0.0
-'''
-_SPEEDS = '''\
-"""Target `{name}-speeds`: the speed of each participant at its last moment, m/s."""
-
-from __future__ import annotations
-
-import json
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from runner.judging.result import RunResult
-    from xosc.exports.draft import Folder
-
-TARGETS = {{"{name}-speeds": "JSON, last speed of each participant"}}
-
-
-def export(result: RunResult, name: str, folder: Folder) -> list[str]:
-    """Write a file; the remarks on what it leaves out."""
-    speeds = {{
-        track.name: round(float(track.columns["speed"][-1]), 6)
-        for track in result.recording.tracks.values()
-    }}
-    folder.write(f"{{name}}.json", (json.dumps(speeds) + "\\n").encode())
-    return ["all but last speeds is left out"]
-'''
-_TEST = '''\
-"""The measure and the target are found by name."""
-
-import xosc_toolchain as xt
-
-
-def test_the_measure_is_one_of_all() -> None:
-    assert xt.measures()["{name}_short_ttc"].unit == "s"
-'''
-_FILES = {
-    "pyproject.toml": _PROJECT,
-    "{name}/__init__.py": _PACKAGE,
-    "{name}/measures.py": _MEASURES,
-    "{name}/speeds.py": _SPEEDS,
-    "tests/test_{name}.py": _TEST,
-}
-
-
-def write_plugin(name: str, folder: Path) -> list[Path]:
-    """Write a package with a measure and an export target; the files.
+    Args:
+        name: of the package. kinds: some of `KINDS`.
 
     Raises:
-        UsageError: the name is none of a package, or there is something of that name already.
+        UsageError: the name is none of a package, there is something of that name already, or
+            there is no such kind.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
         raise UsageError(f"{name!r} is no name of a package: small letters, digits and _ are")
+    for kind in kinds:
+        if kind not in KINDS:
+            raise UsageError(f"there is no kind {kind!r}; {nearest(kind, KINDS)}")
     root = folder / name
     if root.exists():
         raise UsageError("there is something of this name already", path=root)
-    written = []
     with writing("the package", root):
-        for path, template in _FILES.items():
-            file = root / path.format(name=name)
-            file.parent.mkdir(parents=True, exist_ok=True)
-            keep(template.format(name=name).encode(), file)
-            written.append(file)
-    return written
+        return [
+            _kept(
+                root / path.replace(_NAMED, name),
+                text.replace("Acme", _camel(name)).replace(_NAMED, name),
+            )
+            for path, text in _package(list(dict.fromkeys(kinds)))
+        ]
+
+
+def _package(kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Paths and texts of a package, `acme` in both."""
+    project = _PROJECT.format(name=_NAMED)
+    for kind in kinds:
+        group, entry, _ = KINDS[kind]
+        project += f'\n[project.entry-points."{group}"]\n{_NAMED} = "{_NAMED}.{entry}"\n'
+    yield "pyproject.toml", project
+    yield f"{_NAMED}/__init__.py", '"""Extensions of the scenario toolchain."""\n'
+    for kind in kinds:
+        yield f"{_NAMED}/{kind}.py", _text(f"{kind}.py")
+        for file in (f"test_{kind}.py", *KINDS[kind].files):
+            yield f"tests/{file}", _text(file)
+
+
+def _text(template: str) -> str:
+    return (_TEMPLATES / template).read_text("utf-8")
+
+
+def _kept(file: Path, text: str) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    keep(text.encode(), file)
+    return file
+
+
+def _camel(name: str) -> str:
+    return "".join(part.capitalize() for part in name.split("_"))
 
 
 # scenarios, variations and projects: copies of shipped ones -------------------------------------

@@ -36,6 +36,8 @@ COMMANDS = {
     "run": "run scenarios and variation files on SUMO",
 }
 """Line of help of each command; `xosc run` is `xosc-run`"""
+EXTENSIONS = ("action", "condition", "measure", "export", "dataset", "system")
+"""Kinds that `xosc new plugin` has a template of"""
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
@@ -90,12 +92,22 @@ def new_of() -> None:
 @new.command()
 def plugin(
     name: Annotated[str, typer.Argument(help="Name of the package.")],
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND",
+            help=f"{', '.join(EXTENSIONS)}; several by several --kind. "
+            "Without it a measure and an export.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[Path, out_folder("Folder in which the package is written.")] = Path(),
 ) -> None:
-    """Write a package with a measure and an export target."""
+    """Write a package that extends the toolchain, with its test, to be installed by pip."""
     from xosc_toolchain.plugin import write_plugin
 
-    say(*map(str, write_plugin(name, out)))
+    say(*map(str, write_plugin(name, kind or ("measure", "export"), out)))
+    say(f"begin with: pip install -e {out / name} && python -m pytest {out / name}")
 
 
 @new.command()

@@ -16,7 +16,7 @@ from recognition.recordings.intake import examine
 from recognition.recordings.quality import REFUSED, Report
 from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording
-from schemas.common import packages
+from schemas.common import packages, plugins
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import LONGEST_POINTER, cache_folder, read_bytes
@@ -253,6 +253,8 @@ def participant(
 
 
 FORMATS = "recognition.recordings.formats"
+_PARTS = ("TITLE", "BY_CONTENT", "claims", "sources")
+"""Names that the module of a format defines"""
 _SUFFIXES = (".csv", ".feather", ".json", ".mcap", ".osi", ".parquet", ".txt", ".xml")
 """Endings of recordings"""
 
@@ -291,7 +293,7 @@ def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], 
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     by_content = packages.described(FORMATS, "BY_CONTENT")
     modules = [import_module(f"{FORMATS}.{name}") for name in by_content]
-    modules += packages.plugins("xosc.dataset").values()
+    modules += plugins.modules("xosc.dataset", taken=by_content, needs=_PARTS).values()
     formats: list[Any] = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
     if columns is not None:
         tables: Any = import_module(f"{FORMATS}.any_table")

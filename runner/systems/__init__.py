@@ -46,7 +46,8 @@ from runner.systems.base import (
     split,
 )
 from schemas.common.errors import ToolchainError, UsageError, blame, guess
-from schemas.common.packages import described, from_working_folder, import_file, installed, missing
+from schemas.common.packages import described, from_working_folder, import_file, missing
+from schemas.common.plugins import installed, package_of
 from schemas.common.policy import current
 
 __all__ = [
@@ -247,13 +248,14 @@ class _Entry(NamedTuple):
     Args:
         module: its module. attribute: its name there.
         file: of the module, where the user names it. is_installed: whether an installed package or
-            the toolchain names it.
+            the toolchain names it. package: the installed package.
     """
 
     module: str
     attribute: str
     file: str = ""
     is_installed: bool = False
+    package: str = ""
 
     def importing(self) -> AbstractContextManager[None]:
         """Around the import of the class, and around telling an error of that."""
@@ -275,9 +277,11 @@ def _entry(name: str) -> _Entry | None:
         return None
     if name not in _own():
         current().admit_code(f"the system under test {name!r}")
-    known = _own().get(name) or _installed().get(name)
-    if known is not None:
-        return _Entry(known.module, known.attr, is_installed=True)
+    others = {} if current().untrusted else _installed()  # a name that is taken twice is refused
+    if own := _own().get(name):
+        return _Entry(own.module, own.attr, is_installed=True)
+    if other := others.get(name):
+        return _Entry(other.module, other.attr, is_installed=True, package=package_of(other))
     if match := re.fullmatch(r"(.+\.py):([\w.]+)", name, re.DOTALL):
         file, attribute = match.groups()
         return _Entry(Path(file).stem, attribute, file)
@@ -313,13 +317,21 @@ def find_system(name: str | None) -> Callable[[], System] | None:
             if absent := missing(error):
                 raise absent from None
             told = blame(error, entry.module)
-            raise UsageError(f"the system under test {name!r} can't be imported: {told}") from error
+            raise UsageError(f"{_told(name, entry)} can't be imported: {told}") from error
     if not callable(factory):
-        raise UsageError(f"the system under test {name!r} is not a class")
+        raise UsageError(f"{_told(name, entry)} is not a class")
     values = arguments(factory, given, name)
     if name in _own() and hasattr(factory, "check"):
         factory.check(**values)
     return partial(factory, **values) if values else factory
+
+
+def _told(name: str, entry: _Entry) -> str:
+    """Name a system under test for messages, with the package that brings it."""
+    origin = (
+        f" ({entry.module}:{entry.attribute}, package {entry.package})" if entry.package else ""
+    )
+    return f"the system under test {name!r}{origin}"
 
 
 def _module(factory: Callable[[], System]) -> str:
@@ -367,4 +379,4 @@ def _installed() -> dict[str, EntryPoint]:
 
     It reads every installed package's list, which takes as long as a short run.
     """
-    return installed(GROUP)
+    return installed(GROUP, {*_own(), "none"})

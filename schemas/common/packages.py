@@ -1,5 +1,5 @@
 """Packages: public names imported on first use, libraries of extras, the version; and code that is
-found by its name: kinds in a folder, classes that the user names, plug-ins of installed packages.
+found by its name: kinds in a folder, classes that the user names.
 
 Kinds of things (rules, actions, data sets, exports, baselines, …) register themselves by being in a
 module of a folder. A new kind is one new file; no list anywhere names it. A folder of kinds is used
@@ -24,21 +24,20 @@ Modules (and packages) come in the order of their names, whatever the file syste
 name begins with an underscore are helpers too. Source trees, installed wheels and zip files work
 alike.
 
-Plug-ins are classes as `module:Class`, also in the working folder, and entry points. Folders with
-scenarios come from anyone, and commands are started in them. Python puts the working folder on its
-path only where it is started as `python -m`; commands take it off again. The one way from a file in
-it to code that runs is a class that the user names: the module is then sought there after all that
-is installed, and so is what modules from there import, whenever they do. Nothing else that is
-imported (an optional library, a module of ours) is sought there.
+Plug-ins are classes as `module:Class`, also in the working folder, and what installed packages
+bring (`schemas.common.plugins`). Folders with scenarios come from anyone, and commands are started
+in them. Python puts the working folder on its path only where it is started as `python -m`;
+commands take it off again. The one way from a file in it to code that runs is a class that the user
+names: the module is then sought there after all that is installed, and so is what modules from
+there import, whenever they do. Nothing else that is imported (an optional library, a module of
+ours) is sought there.
 """
 
 from __future__ import annotations
 
 import ast
 import os
-import site
 import sys
-import sysconfig
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -50,11 +49,10 @@ from pkgutil import iter_modules
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any
 
-from schemas.common.errors import UsageError, blame
-from schemas.common.policy import current
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
-    from importlib import metadata
+    pass
 
 _EXTRAS = {
     "fmpy": "fmi",
@@ -373,79 +371,3 @@ def import_file(file: str) -> ModuleType:
         del sys.modules[name]
         raise
     return module
-
-
-# entry points --------------------------------------------------------------------------------
-
-
-def installed(group: str) -> dict[str, metadata.EntryPoint]:
-    """The entry points of a group that installed packages have, by name; the first on the path wins.
-
-    Metadata in the working folder, which any repository may hold, is none of an installed package,
-    but where Python keeps installed packages in it.
-    """
-    from importlib import metadata
-
-    found: dict[str, metadata.EntryPoint] = {}
-    for folder in _metadata_folders():
-        try:
-            text = (folder / "entry_points.txt").read_text("utf-8")
-        except (OSError, ValueError):
-            continue
-        if group in text:  # to parse the lists of all packages takes ten times as long
-            for entry in metadata.PathDistribution(folder).entry_points.select(group=group):
-                found.setdefault(entry.name, entry)
-    return found
-
-
-def plugins(group: str) -> dict[str, ModuleType]:
-    """Modules that installed packages name as entry points of a group, imported, by name; none under --untrusted.
-
-    Raises:
-        UsageError: one can't be imported, or is no module.
-    """
-    return {} if current().untrusted else _plugins(group)
-
-
-@cache
-def _plugins(group: str) -> dict[str, ModuleType]:
-    return {name: _plugin(entry) for name, entry in sorted(installed(group).items())}
-
-
-def _plugin(entry: metadata.EntryPoint) -> ModuleType:
-    """The module of an entry point."""
-    told = f"the plug-in {entry.name!r} of {entry.group} ({entry.value})"
-    try:
-        module = entry.load()
-    except Exception as error:  # a plug-in's own code runs here
-        raise UsageError(f"{told} can't be imported: {blame(error, entry.module)}") from error
-    if not isinstance(module, ModuleType):
-        raise UsageError(f"{told} is no module")
-    return module
-
-
-def _metadata_folders() -> Iterator[Path]:
-    """Folders with the metadata of installed packages, in the order of the path."""
-    for place in filter(os.path.isdir, _places()):
-        names = sorted(os.listdir(place))
-        yield from (
-            Path(place, name) for name in names if name.endswith((".dist-info", ".egg-info"))
-        )
-
-
-def _places() -> list[str]:
-    """The folders of the path that packages are installed in."""
-    own = {os.path.realpath(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
-    own |= {
-        os.path.realpath(folder) for folder in (*site.getsitepackages(), site.getusersitepackages())
-    }
-    working = Path(os.path.realpath(os.curdir))
-    return [
-        entry
-        for entry in sys.path
-        if os.path.realpath(entry or os.curdir) in own or not _is_in(entry, working)
-    ]
-
-
-def _is_in(entry: str, folder: Path) -> bool:
-    return Path(os.path.realpath(entry or os.curdir)).is_relative_to(folder)

@@ -51,8 +51,10 @@ NOT_RUN = {
     "make -C xosc-toolchain test": "is what runs the tests",
     "python -m benchmarks.install_sizes": "needs a package index, and takes minutes",
     "make docs": "installs everything anew; test_reference and tests/studies/test_coverage compare what it writes",
-    "make lint types test": "installs everything anew; continuous integration runs it",
     'pip install ".[all]"': "is what make install does, but for development",
+    "pip install -e acme": "needs a package index; tests/xosc_toolchain/test_plugin.py installs the package",
+    "python -m pytest acme": "tests/xosc_toolchain/test_plugin.py runs the tests of all kinds",
+    "make lint types test docs": "installs everything anew; continuous integration runs it",
     "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
     'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
     "xosc-generate CATALOGUE --out DIR": "needs a catalogue of 30 manoeuvres or more; tests/generation/space/test_recorded.py has one",
@@ -291,7 +293,7 @@ def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "page",
-    [page for page in EXTENDING if page.stem not in ("README", "plugin", "version")],
+    [page for page in EXTENDING if page.stem not in ("README", "version")],
     ids=name,
 )
 def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:

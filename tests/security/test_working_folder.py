@@ -16,7 +16,8 @@ from generation.space.logical.library import SCENARIOS
 from runner.batch.pool import connect
 from runner.systems import find_system
 from schemas.common.errors import UsageError
-from schemas.common.packages import _EXTRAS, installed, leave_working_folder_out
+from schemas.common.packages import _EXTRAS, leave_working_folder_out
+from schemas.common.plugins import installed
 from tests.commands import SCRIPTS as COMMANDS
 from tests.commands import Command
 from tests.runner.files import distribution, scenario

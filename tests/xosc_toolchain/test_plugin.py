@@ -1,4 +1,4 @@
-"""Packages that extend the toolchain: the template, installed in a folder of its own, adds kinds by entry points."""
+"""Packages that extend the toolchain: the template of each kind, installed in a folder of its own, works by entry points."""
 
 from __future__ import annotations
 
@@ -8,68 +8,53 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 
+from schemas.common.plugins import installed
 from tests.commands import Command
-from xosc_toolchain.plugin import write_plugin
+from xosc_toolchain.plugin import KINDS, write_plugin
+from xosc_toolchain.xosc import EXTENSIONS
 
 ROOT = Path(__file__).parents[2]
 CUT_IN = str(ROOT / "xosc" / "library" / "simple_cut_in.xosc")
-RUN = (
-    "-m",
-    "runner.xosc_run",
-    CUT_IN,
-    "--world",
-    "kinematic",
-    "--sut",
-    "none",
-    "--max-time",
-    "1",
-    "--allow-inconclusive",
-)
+
+
+def declare(target: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
+    """Write the metadata of an installed package with entry points."""
+    metadata = target / f"{name}-0.1.0.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
+    lines = [
+        line
+        for group, entries in groups.items()
+        for line in (f"[{group}]", *(f"{entry} = {value}" for entry, value in entries.items()))
+    ]
+    (metadata / "entry_points.txt").write_text("\n".join([*lines, ""]))
 
 
 def install(project: Path, target: Path) -> None:
     """Put a project's package and its metadata in a folder, as an installer does."""
     about = tomllib.loads((project / "pyproject.toml").read_text())["project"]
-    package = project / about["name"]
-    for file in package.rglob("*.py"):
+    for file in (project / about["name"]).rglob("*.py"):
         copy = target / file.relative_to(project)
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_bytes(file.read_bytes())
-    metadata = target / f"{about['name']}-{about['version']}.dist-info"
-    metadata.mkdir(parents=True)
-    (metadata / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\n"
-    )
-    groups = about["entry-points"].items()
-    lines = [
-        line
-        for group, entries in groups
-        for line in (f"[{group}]", *(f"{name} = {value}" for name, value in entries.items()))
-    ]
-    (metadata / "entry_points.txt").write_text("\n".join([*lines, ""]))
+    declare(target, about["name"], about["entry-points"])
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder on the path with the template's package installed, which adds an action too."""
-    project, target = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
-    write_plugin("acme", project)
-    root = project / "acme"
-    (root / "acme" / "actions.py").write_text(
-        "from runner.engine.actions.speed import SpeedAction\n"
-        "from runner.engine.compile.registry import action\n\n"
-        '@action("AcmeSpeedAction")\n'
-        "class AcmeSpeedAction(SpeedAction):\n"
-        '    """A speed action under a name of its own."""\n'
-    )
-    text = (root / "pyproject.toml").read_text()
-    (root / "pyproject.toml").write_text(
-        text + '\n[project.entry-points."xosc.action"]\nacme = "acme.actions"\n'
-    )
-    install(root, target)
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The template's package with all kinds."""
+    folder = tmp_path_factory.mktemp("project")
+    write_plugin("lab_kit", list(KINDS), folder)
+    return folder / "lab_kit"
+
+
+@pytest.fixture(scope="module")
+def site(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder on the path with the template's package installed."""
+    target = tmp_path_factory.mktemp("site")
+    install(project, target)
     return target
 
 
@@ -86,76 +71,181 @@ def call(site: Path | None, folder: Path, *arguments: str) -> subprocess.Complet
     )
 
 
-def test_a_measure_of_an_installed_package_is_measured(site: Path, tmp_path: Path) -> None:
-    done = call(site, tmp_path, *RUN, "--out", "out")
-    assert done.returncode == 0, done.stderr
-    assert "acme_short_ttc" in pq.read_schema(tmp_path / "out" / "runs.parquet").names
+@pytest.mark.slow
+def test_each_kind_works_by_its_name(project: Path, site: Path) -> None:
+    """The tests of the template are those of an action, a condition, … of an installed package."""
+    quiet = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist")
+    done = call(site, project, "-m", "pytest", *quiet, "tests")
+    assert done.returncode == 0, done.stdout
+    assert "8 passed" in done.stdout
 
 
-def test_it_is_a_limit_by_its_name(site: Path, tmp_path: Path) -> None:
-    limit = ("--fail-if", "acme_short_ttc>=0")
-    assert call(site, tmp_path, *RUN, *limit).returncode == 1
-    without = call(None, tmp_path, *RUN, *limit)
-    assert (without.returncode, "a measure with a limit is expected" in without.stderr) == (2, True)
-
-
-def test_untrusted_loads_no_plug_in(site: Path, tmp_path: Path) -> None:
+def test_commands_know_them_unless_files_are_untrusted(site: Path, tmp_path: Path) -> None:
     code = """
 import sys
-from schemas.common.policy import UNTRUSTED, in_force
-from schemas.common import packages
+from runner.exchange.exports import target_lines, target_of
 from runner.judging.measures.measure import measures
+from runner.engine.compile.registry import action
+from runner.systems import load_system, systems
+from recognition import recordings
+from schemas.common.errors import ToolchainError
+from schemas.common.policy import UNTRUSTED, in_force
+open("lab_kit_yard.csv", "w").write("t,name,x,y,yaw\\n0,me,0,0,0\\n0.1,me,1,0,0\\n")
+def known():
+    action.load()
+    yield "LabKitCoastAction" in action.classes
+    yield "lab_kit_tet" in measures()
+    for ask in (
+        lambda: target_of("lab_kit"),
+        lambda: load_system("lab_kit"),
+        lambda: recordings.open("lab_kit_yard.csv").sources,
+    ):
+        try:
+            yield ask() is not None
+        except ToolchainError as error:
+            yield False
 with in_force(UNTRUSTED):
-    print(packages.plugins("xosc.measure"), "acme_short_ttc" in measures(), "acme.measures" in sys.modules)
-print("acme_short_ttc" in measures())
+    print([*known()], [name for name in sys.modules if name.startswith("lab_kit")])
+print([*known()])
 with in_force(UNTRUSTED):
-    print("acme_short_ttc" in measures())
+    print("lab_kit_tet" in measures())
+print(("lab_kit", "plug-in", "of lab_kit.export, installed by pip") in target_lines(), systems()["lab_kit"])
 """
     done = call(site, tmp_path, "-c", code)
-    assert done.stdout.split("\n")[:3] == ["{} False False", "True", "False"], done.stderr
+    assert done.stdout.splitlines() == [
+        f"{[False] * 5} []",
+        f"{[True] * 5}",
+        "False",
+        "True of lab_kit.system, installed by pip",
+    ], done.stderr
 
 
-def test_an_export_of_an_installed_package_is_a_target(site: Path, tmp_path: Path) -> None:
-    export = ("-m", "runner.exchange.xosc_export")
-    listed = call(site, tmp_path, *export, "--targets")
-    assert "acme-speeds plug-in   of acme.speeds, installed by pip" in listed.stdout
-    done = call(site, tmp_path, *export, *RUN[2:], "--to", "acme-speeds", "--out", "out")
-    assert done.returncode == 0, done.stderr
-    (written,) = (tmp_path / "out").glob("*.json")
-    assert "Ego" in written.read_text()
+FAULTS = {
+    "an error": (
+        "xosc.measure",
+        "raise RuntimeError('not today')",
+        "can't be imported: RuntimeErr",
+    ),
+    "nothing measured": ("xosc.measure", "", "registers nothing"),
+    "no action": ("xosc.action", "", "registers nothing"),
+    "no export": ("xosc.export", "TARGETS = {'bad': ''}", "has no export"),
+    "another target": ("xosc.export", "TARGETS = {}\nexport = print", "has no target of this name"),
+    "no format": ("xosc.dataset", "TITLE = BY_CONTENT = claims = print", "has no sources"),
+    "an action of ours": (
+        "xosc.action",
+        "from runner.engine.compile.registry import action\n"
+        "@action('SpeedAction')\nclass Mine:\n    pass",
+        "takes a name in use: the action SpeedAction is registered by runner.engine.actions.speed",
+    ),
+    "a measure of ours": (
+        "xosc.measure",
+        "from runner.judging.measures.kinds.encounter import MinTimeToCollision\n"
+        "from runner.judging.measures.measure import measure\n"
+        "measure(MinTimeToCollision)",
+        "takes a name in use: the measure min_ttc is registered by",
+    ),
+}
+ASK = {
+    "xosc.action": "from runner.engine.compile.registry import action; action.load()",
+    "xosc.measure": "from runner.judging.measures.measure import measures; measures()",
+    "xosc.export": "from runner.exchange.exports import target_of; target_of('bad')",
+    "xosc.dataset": "from recognition import recordings; recordings.open('.').sources",
+    "xosc.sut": "from runner.systems import load_system; load_system('cas')",
+}
 
 
-def test_an_action_of_an_installed_package_is_executed(site: Path, tmp_path: Path) -> None:
-    code = """
-from runner.engine.compile.registry import action
-class Node:
-    tag = "AcmeSpeedAction"
-    def invalid(self, told): return ValueError(told)
-print(action.find(Node()).__name__)
+def refusals(site: Path, folder: Path, programs: dict[str, str]) -> list[str]:
+    """Do programs in one process, each with its own folder of the site on the path; the errors."""
+    code = f"""
+import sys
+from schemas.common.errors import UsageError
+for name, program in {programs!r}.items():
+    sys.path.insert(0, {str(site)!r} + "/" + name)
+    try:
+        exec(program)
+        print(name, "is not refused")
+    except UsageError as error:
+        print(error)
+    del sys.path[0]
 """
-    assert call(site, tmp_path, "-c", code).stdout == "AcmeSpeedAction\n"
-    assert "ValueError" in call(None, tmp_path, "-c", code).stderr
+    done = call(None, folder, "-c", code)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
 
 
-def test_a_plug_in_that_fails_is_one_line(tmp_path: Path) -> None:
-    folder = tmp_path / "site" / "bad-1.dist-info"
-    folder.mkdir(parents=True)
-    (folder / "entry_points.txt").write_text("[xosc.measure]\nbad = bad.measures\n")
+TAKEN = {"xosc.sut": "cas", "xosc.export": "esmini", "xosc.dataset": "highd"}
+"""A name of ours in each group whose kinds are chosen by name"""
+
+
+def test_a_faulty_plug_in_is_refused_by_name(tmp_path: Path) -> None:
+    site, work, programs, expected = tmp_path / "site", tmp_path / "work", {}, []
+    for number, (name, (group, source, reason)) in enumerate(FAULTS.items()):
+        package = f"bad{number}"
+        declare(site / name, package, {group: {"bad": f"{package}.kinds"}})
+        (site / name / package).mkdir()
+        (site / name / package / "__init__.py").touch()
+        (site / name / package / "kinds.py").write_text(source + "\n")
+        programs[name] = ASK[group]
+        told = f"the plug-in 'bad' of {group} ({package}.kinds, package {package})"
+        expected.append(f"{told} {reason}")
+    for group, name in TAKEN.items():
+        declare(site / group, "rival", {group: {name: "rival:Any"}})
+        programs[group] = ASK[group].replace("bad", name)
+        told = f"the plug-in {name!r} of {group} (rival:Any, package rival)"
+        expected.append(f"{told} takes a name of the toolchain's own")
+    for package in ("one", "two"):
+        declare(site / "twice", package, {"xosc.sut": {"mine": f"{package}:Any"}})
+    programs["twice"] = ASK["xosc.sut"]
+    told = "the plug-in 'mine' of xosc.sut ({0}:Any, package {0})"
+    expected.append(f"{told.format('two')} takes the name of {told.format('one')}; uninstall one")
+    work.mkdir()
+    (work / "some.csv").write_text("a\n")
+    for line, start in zip(refusals(site, work, programs), expected, strict=True):
+        assert line.startswith(start)
+
+
+def test_a_command_ends_with_one_line_where_a_plug_in_fails(tmp_path: Path) -> None:
+    declare(tmp_path / "site", "bad", {"xosc.measure": {"bad": "bad.measures"}})
     (tmp_path / "work").mkdir()
-    done = call(tmp_path / "site", tmp_path / "work", *RUN, "--out", "out")
+    run = (
+        "-m",
+        "runner.xosc_run",
+        CUT_IN,
+        "--world",
+        "kinematic",
+        "--max-time",
+        "1",
+        "--out",
+        "out",
+    )
+    done = call(tmp_path / "site", tmp_path / "work", *run)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(
-        "xosc-run: the plug-in 'bad' of xosc.measure (bad.measures) can't be imported"
+        "xosc-run: the plug-in 'bad' of xosc.measure (bad.measures, package bad) can't be imported"
     )
 
 
 def test_the_template_is_written_once(command: Command, tmp_path: Path) -> None:
-    answer = command("xosc", "new", "plugin", "acme", "--out", tmp_path)
+    new = ("xosc", "new", "plugin")
+    answer = command(*new, "acme", "--out", tmp_path)
     assert answer.code == 0 and str(tmp_path / "acme" / "pyproject.toml") in answer.out
-    assert command("xosc", "new", "plugin", "acme", "--out", tmp_path).code == 2
-    assert command("xosc", "new", "plugin", "not-a-name", "--out", tmp_path).code == 2
+    assert {path.name for path in (tmp_path / "acme" / "acme").iterdir()} == {
+        "__init__.py",
+        "measure.py",
+        "export.py",
+    }
+    assert command(*new, "acme", "--out", tmp_path).code == 2
+    assert command(*new, "not-a-name", "--out", tmp_path).code == 2
+    refused = command(*new, "other", "--kind", "mesure", "--out", tmp_path)
+    assert refused.code == 2 and "measure" in refused.err
+    assert tuple(KINDS) == EXTENSIONS
 
 
-def test_metadata_in_the_working_folder_is_none_of_a_package(site: Path) -> None:
-    limit = ("--fail-if", "acme_short_ttc>=0")
-    assert call(site, site, *RUN, *limit).returncode == 2
+def test_metadata_in_the_working_folder_is_none_of_a_package(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.chdir(tmp_path)
+    assert "lab_kit" in installed("xosc.measure")
+    monkeypatch.chdir(site)
+    assert "lab_kit" not in installed("xosc.measure")

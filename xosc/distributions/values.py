@@ -13,7 +13,7 @@ from typing import Protocol
 from lxml import etree
 
 from schemas.common.errors import Unsupported, UsageError
-from schemas.common.packages import installed
+from schemas.common.plugins import installed
 from schemas.common.policy import current
 from xosc.document.node import Node
 

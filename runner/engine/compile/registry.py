@@ -14,7 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from schemas.common import packages
+from schemas.common import packages, plugins
+from schemas.common.plugins import NameTaken
+from schemas.common.policy import current
 from xosc.document.node import Node
 from xosc.document.repairs.attributes import is_standard, suggested
 
@@ -54,6 +56,7 @@ class Registry:
         self.refused: dict[str, str] = {}
         self._package = package
         self._loaded = False
+        self._extended = False
 
     def __call__(self, *names: str) -> Callable[[C], C]:
         """Class decorator that enters a class under one or more element names."""
@@ -61,7 +64,8 @@ class Registry:
         def enter(cls: C) -> C:
             for name in names:
                 if name in self.classes:
-                    raise ValueError(f"{self.family} {name} is registered twice")
+                    home = self.classes[name].__module__
+                    raise NameTaken(f"the {self.family} {name} is registered by {home}")
                 self.classes[name] = cls
             return cls
 
@@ -72,10 +76,19 @@ class Registry:
         self.refused[name] = reason
 
     def load(self) -> None:
-        """Import the family's modules, so that the tables are complete."""
+        """Import the family's modules, and those of installed packages, so that the tables are complete.
+
+        Raises:
+            UsageError: a plug-in can't be imported, takes a name in use or registers nothing.
+        """
         if not self._loaded:
             packages.load(self._package)
             self._loaded = True
+        if not self._extended and not current().untrusted:
+            plugins.register(
+                f"xosc.{self.family}", lambda: [each.__module__ for each in self.classes.values()]
+            )
+            self._extended = True
 
     def find(self, node: Node, parent: str | None = None) -> type[FromXml]:
         """The class for an element.
@@ -91,8 +104,6 @@ class Registry:
         """
         self.load()
         names = ([f"{parent}/{node.tag}"] if parent else []) + [node.tag]
-        if not any(name in self.classes for name in names):
-            packages.plugins(f"xosc.{self.family}")  # looked for only where they are needed
         for name in names:
             if name in self.classes:
                 return self.classes[name]

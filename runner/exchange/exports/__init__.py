@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from schemas.common.errors import UsageError
-from schemas.common.packages import described, installed, plugins
-from schemas.common.policy import current
+from schemas.common.packages import described
+from schemas.common.plugins import installed, load, told
 
 
 class ExportTarget(NamedTuple):
@@ -52,16 +52,16 @@ def target_of(name: str) -> ExportTarget | None:
     `OF_RUN = False` as one of `xosc.exports`.
 
     Raises:
-        UsageError: its module can't be imported, or has no such target; or --untrusted, which loads
-            no code of others.
+        UsageError: its module can't be imported, or has no such target; a package takes the name
+            of another target; or --untrusted, which loads no code of others.
     """
-    if name in TARGETS or name not in installed(GROUP):
+    entry = installed(GROUP, TARGETS).get(name)
+    if name in TARGETS or entry is None:
         return TARGETS.get(name)
-    current().admit_code(f"the target {name!r}")
-    module = plugins(GROUP)[name]
-    summary = getattr(module, "TARGETS", {}).get(name)
-    if summary is None or not hasattr(module, "export"):
-        raise UsageError(f"{module.__name__} has no function export, or no target {name!r}")
+    module = load(entry, ("TARGETS", "export"))
+    summary = module.TARGETS.get(name)
+    if summary is None:
+        raise UsageError(f"{told(entry)} has no target of this name in TARGETS")
     return ExportTarget(name, module.__name__, getattr(module, "OF_RUN", True), summary)
 
 
@@ -71,11 +71,9 @@ def target_lines() -> list[tuple[str, str, str]]:
         (each.name, "a run" if each.of_run else "the file", each.summary)
         for each in TARGETS.values()
     ]
-    others = sorted(installed(GROUP).items())
     return own + [
         (name, "plug-in", f"of {entry.module}, installed by pip")
-        for name, entry in others
-        if name not in TARGETS
+        for name, entry in sorted(installed(GROUP, TARGETS).items())
     ]
 
 

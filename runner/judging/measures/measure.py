@@ -19,7 +19,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from schemas.common.errors import UsageError, guess
-from schemas.common.packages import load, plugins
+from schemas.common.packages import load
+from schemas.common.plugins import NameTaken
+from schemas.common.plugins import register as register_plugins
 from schemas.common.policy import current
 
 if TYPE_CHECKING:
@@ -142,10 +144,11 @@ def register(each: RunMeasure) -> None:
     """Register a measure.
 
     Raises:
-        ValueError: there is one of that name.
+        NameTaken: there is one of that name.
     """
     if each.name in _registered:
-        raise ValueError(f"the measure {each.name} is registered twice")
+        home = type(_registered[each.name]).__module__
+        raise NameTaken(f"the measure {each.name} is registered by {home}")
     _registered[each.name] = each
 
 
@@ -162,7 +165,9 @@ def _own() -> dict[str, RunMeasure]:
 def _of_plugins() -> dict[str, RunMeasure]:
     """Measures of installed packages."""
     own = _own()
-    plugins("xosc.measure")
+    register_plugins(
+        "xosc.measure", lambda: [type(each).__module__ for each in _registered.values()]
+    )
     return {name: each for name, each in sorted(_registered.items()) if name not in own}
 
 

@@ -1,0 +1,1 @@
+"""Files that `xosc new plugin` copies; `acme` in them stands for the name of the package."""
