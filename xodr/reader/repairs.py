@@ -8,7 +8,7 @@ meanings: what is left unclear is refused by the reader.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from os import PathLike
 from typing import NamedTuple
@@ -121,6 +121,16 @@ _STARTS = {
 }
 """Attribute with the start of a record, by element; a missing one of a first record is 0."""
 
+_PARENTS = {
+    "elevation": "elevationProfile",
+    **dict.fromkeys(("superelevation", "shape", "crossfall"), "lateralProfile"),
+    **dict.fromkeys(("laneOffset", "laneSection"), "lanes"),
+    **dict.fromkeys(("width", "border", "speed"), "lane"),
+    **dict.fromkeys(("arc", "spiral", "poly3", "paramPoly3"), "geometry"),
+    "type": "road",
+}
+"""Parents of these records: road marks, objects and signals have other elements of the same names."""
+
 _SHORT = 0.1
 """Records with absurd numbers are read as constant where they hold for at most this length, in m."""
 
@@ -145,12 +155,12 @@ def _empty_curves(root: etree._Element) -> Iterator[Repair]:
 
 def _missing(root: etree._Element) -> Iterator[Repair]:
     for road in root.iterfind("road"):
-        for element in road.iter(*_ZERO_BY_DEFAULT):
+        for element in _records(road, _ZERO_BY_DEFAULT):
             for name in _ZERO_BY_DEFAULT[str(element.tag)]:
                 if element.get(name) is None:
                     element.set(name, "0")
                     yield Repair(element, SCHEMA, f"the attribute {name!r} is missing", "read as 0")
-        for element in road.iter(*_STARTS):
+        for element in _records(road, _STARTS):
             name = _STARTS[str(element.tag)]
             start = _start(element, name) if element.get(name) is None else None
             if start is not None:
@@ -160,11 +170,16 @@ def _missing(root: etree._Element) -> Iterator[Repair]:
                 )
 
 
+def _records(road: etree._Element, names: Iterable[str]) -> Iterator[etree._Element]:
+    """Records of some names in their places."""
+    for element in road.iter(*names):
+        parent = element.getparent()
+        if parent is not None and parent.tag == _PARENTS[str(element.tag)]:
+            yield element
+
+
 def _start(element: etree._Element, name: str) -> str | None:
     """Return the start of a record that lacks it: 0 for the first, the preceding start for shapes, None for others."""
-    parent = element.getparent()
-    if element.tag == "speed" and parent is not None and parent.tag == "type":
-        return None  # it has no start
     before = next(element.itersiblings(str(element.tag), preceding=True), None)
     if before is None:
         return "0"
@@ -212,7 +227,11 @@ def _plausible(record: etree._Element, name: str) -> bool:
 
 
 def _speeds(root: etree._Element) -> Iterator[Repair]:
-    for speed in root.iterfind("road//speed"):
+    limits = (
+        *root.iterfind("road/type/speed"),
+        *root.iterfind("road/lanes/laneSection/*/lane/speed"),
+    )
+    for speed in limits:
         limit, number = speed.get("max"), _value(speed, "max")
         if limit is None:
             _leave_out(speed)

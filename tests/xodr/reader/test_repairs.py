@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from lxml import etree
 
 import schemas
 import xodr
@@ -13,9 +14,11 @@ from schemas.common.errors import InvalidFile
 from schemas.common.remarks import Remark
 from xodr.model.road import Road
 from xodr.reader.elements import LARGEST
+from xodr.reader.repairs import repair
 from xodr.rules import roads
 
 FOLDER = Path(__file__).parent / "repairs"
+LIBRARY = Path(xodr.__file__).parent / "library"
 
 SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 RECORDS = "xosc.toolchain:xodr:1.4.0:road.records_ascend"
@@ -354,3 +357,26 @@ def test_faults_outside_of_the_elements_are_repaired(
     assert rule in {problem.rule for problem in schemas.check(broken)}
     with pytest.raises(InvalidFile):
         xodr.load(broken, strict=True)
+
+
+def test_other_elements_of_the_same_names_are_left_alone(tmp_path: Path) -> None:
+    """Types of road marks, borders of objects and speeds of signs have no start and no coefficients."""
+    text = (LIBRARY / "narrow_road.xodr").read_text()
+    mark = '<roadMark sOffset="0" type="solid" color="white"><type name="solid" width="0.1"/></roadMark>'
+    of_objects = '<objects><object id="1" s="1" t="1" zOffset="0"><borders><border outlineId="0" type="curb" width="1"/></borders>'
+    signs = '<signals><signal id="1" s="1" t="1" zOffset="0"><semantics><speed type="zone" unit="km/h" value="30"/></semantics>'
+    text = text.replace("</width>", "").replace(
+        "</road>", f"{of_objects}</object></objects>{signs}</signal></signals></road>"
+    )
+    path = tmp_path / "names.xodr"
+    path.write_text(
+        text.replace(
+            '<center>\n          <lane id="0" type="none" level="false">',
+            f'<center><lane id="0" type="none">{mark}',
+        )
+    )
+    root = etree.parse(path).getroot()
+    before = etree.tostring(root)
+    assert mark.encode() in before
+    assert not repair(root, path)
+    assert etree.tostring(root) == before

@@ -16,6 +16,8 @@ from xodr.formats import commonroad, geojson, opendrive, sumo
 from xodr.formats.lanelet2 import lanes as lanelet2
 from xodr.formats.maps import lane_map
 from xodr.formats.maps.comparing import MapDifference, compare
+from xodr.formats.maps.editing.changes import Version
+from xodr.formats.maps.editing.versions import in_version, version_of
 from xodr.formats.maps.lane_map import LaneMap
 from xodr.formats.sumo_net.building import osm_network
 from xodr.reader import load
@@ -207,6 +209,7 @@ def convert(
     target: str | PathLike[str],
     *,
     origin: tuple[float, float] | None = None,
+    revision: str | None = None,
     overwrite: bool = False,
 ) -> MapConversion:
     """Convert a map, read the result back, and measure what became of its lanes.
@@ -215,6 +218,8 @@ def convert(
         source: the map; its format is found by name and content.
         target: the file to write; its name says the format.
         origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates; None for its local coordinates.
+        revision: version of OpenDRIVE to write, `1.4` to `1.9`; an OpenDRIVE source is converted as
+            it is written.
         overwrite: replace a file that is there.
 
     Raises:
@@ -230,12 +235,16 @@ def convert(
     """
     there, here = Path(target), Path(source)
     source_format, target_format = format_of(here), format_of(Path(there.name))
-    if source_format == target_format:
-        raise UsageError(f"source and target are both {source_format}", path=there)
+    if revision is not None and target_format != "opendrive":
+        raise UsageError(f"a revision is for OpenDRIVE; this is {target_format}", path=there)
+    if source_format == target_format and revision is None:
+        hint = "; state the revision to write" if target_format == "opendrive" else ""
+        raise UsageError(f"source and target are both {source_format}{hint}", path=there)
+    version = version_of(revision) if revision is not None else None
     if there.exists() and not overwrite:
         raise UsageError("a file is in the way; --overwrite replaces it", path=there)
     one = read_map(here, origin, source_format)
-    content, notes = _written(one, here, source_format, target_format)
+    content, notes = _written(one, here, source_format, target_format, version)
     with writing("the map", there):
         keep(content, there)
     result = read_map(there, None, target_format)
@@ -245,7 +254,11 @@ def convert(
     )
 
 
-def _written(one: LaneMap, path: Path, source: str, target: str) -> tuple[bytes, list[str]]:
+def _written(
+    one: LaneMap, path: Path, source: str, target: str, version: Version | None
+) -> tuple[bytes, list[str]]:
+    if version is not None:
+        return _in_version(one, path, source, version)
     if target == "openstreetmap":
         raise Unsupported("OpenStreetMap is not written")
     if target == "opendrive":
@@ -263,4 +276,15 @@ def _written(one: LaneMap, path: Path, source: str, target: str) -> tuple[bytes,
         between = Path(folder) / f"{one.name}.xodr"
         between.write_bytes(content)
         made, more = sumo.write(load(between))
+    return made, [*notes, *more]
+
+
+def _in_version(one: LaneMap, path: Path, source: str, version: Version) -> tuple[bytes, list[str]]:
+    if source == "opendrive":
+        return in_version(path, version)
+    with TemporaryDirectory(prefix="xosc-road-") as folder:
+        content, notes = opendrive.write(one)
+        between = Path(folder) / f"{one.name}.xodr"
+        between.write_bytes(content)
+        made, more = in_version(between, version)
     return made, [*notes, *more]

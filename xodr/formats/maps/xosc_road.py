@@ -46,6 +46,10 @@ Origin = Annotated[
         metavar="LAT,LON", help="Origin (degrees) of the UTM coordinates of a Lanelet2 map."
     ),
 ]
+Revision = Annotated[
+    str | None,
+    typer.Option(metavar="VERSION", help="Version of OpenDRIVE to write: 1.4 to 1.9."),
+]
 OutFile = Annotated[
     Path, WRITTEN, typer.Option(metavar="FILE", help="File to write; its name says the format.")
 ]
@@ -98,6 +102,7 @@ def convert_command(
     path: Source,
     out: OutFile,
     origin: Origin = None,
+    revision: Revision = None,
     within: Within = None,
     page: Page = None,
     as_json: Json = False,
@@ -107,7 +112,7 @@ def convert_command(
     """Convert a map, read the result back, and print what became of its lanes."""
     from xodr.formats.maps.files import convert
 
-    made = convert(path, out, origin=_origin(origin), overwrite=overwrite)
+    made = convert(path, out, origin=_origin(origin), revision=revision, overwrite=overwrite)
     if page is not None:
         _write_page(made.source, page, made.result, made.difference)
     _tell(

@@ -34,7 +34,7 @@ class EditedRoads:
         load(self.path)  # refuses by file, line and element
         outside: list[Remark] = []
         self.root = parse(self.path, outside).getroot()
-        self._namespace = etree.QName(self.root).namespace
+        self._namespace: str | None = etree.QName(self.root).namespace
         _rename(self.root, None)
         self.remarks = [str(remark) for remark in (*outside, *repair(self.root, self.path))]
 
@@ -42,6 +42,13 @@ class EditedRoads:
         """Bytes of the file as it is now."""
         with self._named():
             return etree.tostring(self.root.getroottree(), xml_declaration=True, encoding="UTF-8")
+
+    def leave_namespace(self) -> bool:
+        """Write names of elements without a namespace from now on; whether there was one."""
+        there = self._namespace is not None
+        self._namespace = None
+        etree.cleanup_namespaces(self.root)  # else the root still declares it
+        return there
 
     @contextmanager
     def _named(self) -> Iterator[None]:
