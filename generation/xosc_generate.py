@@ -117,8 +117,8 @@ def xosc_generate(
     wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [
-            _found(each, wanted, quiet, source.is_dir())
-            for each in _searches(source, ask, out, settings, against)
+            _found(search, wanted, quiet, source.is_dir())
+            for search in _searches(source, ask, out, settings, against)
         ]
     raise typer.Exit(
         gravest(found) if against is not None or ExitCode.PASSED not in found else ExitCode.PASSED
@@ -270,7 +270,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     )
     yield f"  {many(len(cases), 'edge case')}{worth}"
     survived = ", ".join(
-        f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items()
+        f"{name} {int((collision & outcomes.survived).sum())}"
+        for name, outcomes in cases.drivers.items()
     )
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"

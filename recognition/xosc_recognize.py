@@ -250,8 +250,8 @@ def label(
     _print_note(note, quiet)
     if not quiet:
         for name, found in labelled.findings.items():
-            for each in found:
-                moment = each.moment
+            for detection in found:
+                moment = detection.moment
                 say(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
         for path in labelled.written:
             say(f"written: {path}")
@@ -394,7 +394,7 @@ def inspect(
             say(f"{found.verdict:8}  {found.quality:.3f}  {found.name} ({found.format})")
             for reason in () if quiet else found.reasons:
                 say(f"          {reason}")
-    skipped = [file for each in listed(tuple(paths), columns) for file in each.skipped]
+    skipped = [file for data_set in listed(tuple(paths), columns) for file in data_set.skipped]
     if skipped and not quiet:
         say(f"{NAME}: {len(skipped)} files are of no known format: {named(skipped)}", to=sys.stderr)
     raise typer.Exit(code)

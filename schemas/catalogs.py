@@ -106,15 +106,15 @@ class CatalogEntry:
         """Whether it says the same wherever it is referred to: it has no parameters, expressions and references."""
         tags = any(True for _ in self.element.iter("ParameterDeclarations", *REFERENCES))
         return not tags and not any(
-            "$" in text for each in self.element.iter("*") for text in each.attrib.values()
+            "$" in text for inner in self.element.iter("*") for text in inner.attrib.values()
         )
 
     @property
     def parameters(self) -> set[str]:
         """Names of the parameters that it declares."""
         return {
-            each.get("name") or ""
-            for each in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")
+            declaration.get("name") or ""
+            for declaration in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")
         }
 
 
@@ -200,18 +200,22 @@ class Catalogs:
         if kinds not in self._known:
             self._known[kinds] = self._read(kinds)
         found = self._known[kinds]
-        named = [each for each in found.catalogs if each.name == catalog]
-        named = named or [each for each in found.catalogs if Path(each.path).stem == catalog]
+        named = [candidate for candidate in found.catalogs if candidate.name == catalog]
+        named = named or [
+            candidate for candidate in found.catalogs if Path(candidate.path).stem == catalog
+        ]
         if not named:
-            names = sorted({each.name for each in found.catalogs})
+            names = sorted({catalog.name for catalog in found.catalogs})
             hint = f", {nearest(catalog, names)}" if names else ""
             message = "; ".join([f"there is no catalogue {quoted(catalog)}{hint}", *found.problems])
             raise NoEntry(message, found.incomplete)
-        entries = [entry for each in named for entry in each.entries if entry.kind in kinds]
+        entries = [entry for catalog in named for entry in catalog.entries if entry.kind in kinds]
         every = [entry for entry in entries if entry.name == name]
         folder = os.path.dirname(every[0].path) if every else ""
         matching = [entry for entry in every if os.path.dirname(entry.path) == folder]
-        texts = {etree.tostring(each.element, method="c14n", with_tail=False) for each in matching}
+        texts = {
+            etree.tostring(entry.element, method="c14n", with_tail=False) for entry in matching
+        }
         if len(texts) > 1:
             raise NoEntry(f"more than one entry is meant: {' and '.join(map(str, matching))}")
         if len(every) > 1:
@@ -302,12 +306,12 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
     if not path.exists():
         asked_for = _asked_for(path, folders)
         if asked_for:
-            return Located([file for each in asked_for for file in _files(each)], "")
+            return Located([file for path in asked_for for file in _files(path)], "")
         found = next(
             (
-                each
-                for each in _elsewhere(path, scenario)
-                if current().allows(each) and each.exists()
+                candidate
+                for candidate in _elsewhere(path, scenario)
+                if current().allows(candidate) and candidate.exists()
             ),
             None,
         )

@@ -189,6 +189,6 @@ def _children_by_name(parent: etree._Element) -> dict[str, list[etree._Element]]
     found: dict[str, list[etree._Element]] = {}
     for child in parent.iterchildren(etree.Element):
         name = f"{child.prefix}:{local_name(child)}" if child.prefix else str(child.tag)
-        for each in ("*", name):
-            found.setdefault(each, []).append(child)
+        for pattern in ("*", name):
+            found.setdefault(pattern, []).append(child)
     return found

@@ -52,7 +52,7 @@ def shared_settings() -> dict[str, Setting]:
     from schemas.common.terminal.options import options_of
 
     parameters = (*options_of(RunSettings), *options_of(BatchOptions), *limits_parameters())
-    return {key: each for key, each in settings_of(parameters).items() if each.shared}
+    return {key: setting for key, setting in settings_of(parameters).items() if setting.shared}
 
 
 def of_command(name: str) -> dict[str, Setting]:
@@ -67,8 +67,8 @@ def of_command(name: str) -> dict[str, Setting]:
         raise UsageError(f"there is no command {name!r}; {nearest(name, COMMANDS)}")
     command: Any = typer.main.get_command(load(f"xosc-{name}").app)
     found: dict[str, Setting] = {}
-    for each in getattr(command, "commands", {"": command}).values():
-        found |= each.settings()
+    for subcommand in getattr(command, "commands", {"": command}).values():
+        found |= subcommand.settings()
     return found
 
 

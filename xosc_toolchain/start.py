@@ -47,7 +47,7 @@ def load(name: str) -> ModuleType:
 
 def start(name: str) -> None:
     """Import a command and run it."""
-    for number in (getattr(signal, each) for each in _ENDING if hasattr(signal, each)):
+    for number in (getattr(signal, name) for name in _ENDING if hasattr(signal, name)):
         if signal.getsignal(number) in (
             signal.SIG_DFL,
             signal.default_int_handler,

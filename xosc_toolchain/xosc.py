@@ -189,7 +189,7 @@ def completion(shell: Annotated[str, typer.Argument(help=f"One of {', '.join(SHE
 
     if shell not in SHELLS:
         raise UsageError(f"the shell {shell!r} is not one of {', '.join(SHELLS)}")
-    for name in (NAME, *(f"{NAME}-{each}" for each in COMMANDS)):
+    for name in (NAME, *(f"{NAME}-{command}" for command in COMMANDS)):
         variable = f"_{name}_COMPLETE".replace("-", "_").upper()
         print(get_completion_script(prog_name=name, complete_var=variable, shell=shell))
 

@@ -164,8 +164,8 @@ class Stages:
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
-        total = max(sum(each.number for each in stages), 1)
-        self._shares = [(each.number / total, each.proposal) for each in stages]
+        total = max(sum(stage.number for stage in stages), 1)
+        self._shares = [(stage.number / total, stage.proposal) for stage in stages]
 
     def weights(self, theta: FloatArray) -> FloatArray:
         """p/q of possible points (n, d): (n,)."""
@@ -178,7 +178,8 @@ class Stages:
     def greatest(self) -> float:
         """Weight that none exceeds."""
         defensive = sum(
-            share if each is None else share * each.defensive for share, each in self._shares
+            share if proposal is None else share * proposal.defensive
+            for share, proposal in self._shares
         )
         return 1.0 / defensive if defensive else 1.0
 
@@ -269,15 +270,15 @@ class Estimate(NamedTuple):
         """For files: the interval is of 95 %."""
         listed: dict[str, dict[str, Any]] = {
             name: {
-                "value": each.value,
-                "interval": each.interval,
-                "effective_failures": each.effective,
-                "stable": each.stable,
+                "value": probability.value,
+                "interval": probability.interval,
+                "effective_failures": probability.effective,
+                "stable": probability.stable,
             }
-            for name, each in self.probabilities.items()
+            for name, probability in self.probabilities.items()
         }
-        for name, each in listed.items():
-            each["rates"] = {
+        for name, entry in listed.items():
+            entry["rates"] = {
                 unit: {"value": rate.value, "interval": rate.interval}
                 for unit, rate in self.rates(name).items()
             }
@@ -364,14 +365,15 @@ def estimate(
     for name, failing in _events(real).items():
         control = None
         if controls is not None:
-            same, more = (_events(each)[name] for each in controls)
+            same, more = (_events(control)[name] for control in controls)
             control = ControlVariate(same, more, controls[1].weights)
         found = probability(failing, real.weights, drawn.greatest, control)
         probabilities[name] = found._replace(
             density=_spread(ratios[:, failing], real.weights[failing])
         )
     probabilities = {
-        name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()
+        name: probability.within(probabilities[FAILURE])
+        for name, probability in probabilities.items()
     }
     return Estimate(probabilities, len(theta), settings.runs - len(theta), looked)
 
@@ -403,7 +405,7 @@ _GREATEST = 5.0
 def _shared(runs: int, stages: int) -> list[int]:
     """Runs of each stage."""
     return [
-        runs * (each + 1) // stages - runs * each // stages for each in range(min(stages, runs))
+        runs * (stage + 1) // stages - runs * stage // stages for stage in range(min(stages, runs))
     ]
 
 

@@ -204,7 +204,7 @@ class Driving:
         """Manoeuvres within the density's limits per hour and per 1,000 km, by these names."""
         share = self.possible / self.units if self.units else 0.0
         driven = {PER_HOUR: self.exposure.hours, PER_DISTANCE: self.exposure.kilometres / _DISTANCE}
-        return {name: share * self.count / each for name, each in driven.items()}
+        return {name: share * self.count / amount for name, amount in driven.items()}
 
     @cached_property
     def _counts(self) -> FloatArray:
@@ -219,16 +219,16 @@ class Driving:
         met, driven = np.zeros(_DRAWS), np.zeros(_DRAWS)
         for parts in self.sites.values():
             drawn = generator.multinomial(len(parts), [1.0 / len(parts)] * len(parts), _DRAWS)
-            met += drawn @ np.array([each.counts.get(self.kind, 0) for each in parts])
-            driven += drawn @ np.array([each.hours for each in parts])
+            met += drawn @ np.array([part.counts.get(self.kind, 0) for part in parts])
+            driven += drawn @ np.array([part.hours for part in parts])
         return met * self.exposure.hours / driven
 
     @property
     def sites(self) -> dict[str, list[Exposure]]:
         """Exposures of the recordings of each kind of site: the part of their names before a slash."""
         found: dict[str, list[Exposure]] = {}
-        for name, each in self.parts.items():
-            found.setdefault(name.rpartition("/")[0], []).append(each)
+        for name, part in self.parts.items():
+            found.setdefault(name.rpartition("/")[0], []).append(part)
         return found
 
     def by_site(self) -> dict[str, dict[str, float]]:
@@ -238,12 +238,12 @@ class Driving:
             return {}
         return {
             name: {
-                "hours": each.hours,
-                "kilometres": each.kilometres,
-                "manoeuvres_per_hour": each.counts.get(self.kind, 0) / each.hours,
+                "hours": exposure.hours,
+                "kilometres": exposure.kilometres,
+                "manoeuvres_per_hour": exposure.counts.get(self.kind, 0) / exposure.hours,
             }
-            for name, each in totals.items()
-            if each.hours
+            for name, exposure in totals.items()
+            if exposure.hours
         }
 
     def as_json(self) -> dict[str, Any]:

@@ -290,7 +290,7 @@ class Compared:
         """Number of failures of each fate."""
         return Fates(
             [
-                *(each.fate for each in self.before),
+                *(failure.fate for failure in self.before),
                 *(Fate.NEW for _ in self.new),
                 *self.others.values(),
             ]
@@ -308,11 +308,11 @@ class Against:
     @property
     def counts(self) -> Fates:
         """Number of failures of each fate, in total."""
-        return Fates(fate for each in self.compared for fate in each.counts.elements())
+        return Fates(fate for comparison in self.compared for fate in comparison.counts.elements())
 
     def fails(self, *by: Fate) -> bool:
         """Whether there are failures of any of these fates, or may be, as of something no run succeeded."""
-        return self.counts.fails(*by) or any(each.blind for each in self.compared)
+        return self.counts.fails(*by) or any(comparison.blind for comparison in self.compared)
 
 
 @dataclass(frozen=True)
@@ -343,8 +343,8 @@ class LoopResult:
         """The runs that did not test what their file describes."""
         return [
             run
-            for each in self._ran
-            for runs in each.files.values()
+            for stage in self._ran
+            for runs in stage.files.values()
             for run in runs
             if run.state == "inconclusive"
         ]
@@ -352,19 +352,19 @@ class LoopResult:
     @property
     def crashed(self) -> bool:
         """Whether every run, those of searches among them, ended with an error, as where the system under test raises."""
-        searched = [search for each in self.rounds for search in each.searches]
-        total = sum(len(runs) for each in self._ran for runs in each.files.values()) + sum(
-            each.calls for each in searched
+        searched = [search for round_ in self.rounds for search in round_.searches]
+        total = sum(len(runs) for stage in self._ran for runs in stage.files.values()) + sum(
+            search.calls for search in searched
         )
         return (
             0
             < total
-            == sum(each.crashed for each in self._ran) + sum(each.errors for each in searched)
+            == sum(stage.crashed for stage in self._ran) + sum(search.errors for search in searched)
         )
 
     @property
     def _ran(self) -> tuple[Ran, ...]:
-        return self.played, self.scenarios, *(each.runs for each in self.rounds)
+        return self.played, self.scenarios, *(round_.runs for round_ in self.rounds)
 
     @property
     def sound(self) -> bool:
@@ -372,11 +372,11 @@ class LoopResult:
 
         What the system under test does wrong is another matter, and what a loop is for.
         """
-        rounds = [stage for each in self.rounds for stage in (*each.searches, each.runs)]
+        rounds = [stage for round_ in self.rounds for stage in (*round_.searches, round_.runs)]
         return not (
             self.checked.problems
             or any(
-                each.failures for each in (self.recognised, self.played, self.scenarios, *rounds)
+                stage.failures for stage in (self.recognised, self.played, self.scenarios, *rounds)
             )
         )
 
@@ -396,32 +396,34 @@ def summary(stage: LoopStage, found: StageFinding) -> str:
 
 def closing(found: LoopResult) -> Iterator[str]:
     """A whole loop, in lines."""
-    cases = [case for each in found.rounds for search in each.searches for case in search.cases]
+    cases = [case for round_ in found.rounds for search in round_.searches for case in search.cases]
     collisions = sum(case.verdict is CaseVerdict.COLLISION for case in cases)
     yield from _refused(found.refused)
     avoidable = sum(case.avoidable for case in cases)
-    if not any(each.searches for each in found.rounds):
+    if not any(round_.searches for round_ in found.rounds):
         yield "nothing was searched"
     else:
         yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
     if found.against is not None:
-        blind = sum(each.blind for each in found.against.compared)
+        blind = sum(comparison.blind for comparison in found.against.compared)
         unknown = f", nothing is known of {many(blind, 'search', 'searches')}" if blind else ""
         yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}{unknown}"
-        for each in found.against.compared:
-            told = "not known" if each.blind else str(each.counts)
-            yield f"  {each.title}: {told}" + (f" ({each.reason})" if each.reason else "")
+        for comparison in found.against.compared:
+            told = "not known" if comparison.blind else str(comparison.counts)
+            yield f"  {comparison.title}: {told}" + (
+                f" ({comparison.reason})" if comparison.reason else ""
+            )
 
 
 def _refused(refused: Iterable[Refused]) -> Iterator[str]:
     """Yield the refused searches, one line per kind of reason with the first example."""
     kinds: dict[str, list[Refused]] = {}
-    for each in refused:
-        kinds.setdefault(each.reason.partition(": ")[0], []).append(each)
+    for refusal in refused:
+        kinds.setdefault(refusal.reason.partition(": ")[0], []).append(refusal)
     for alike in kinds.values():
-        same = all(each.reason == alike[0].reason for each in alike)
+        same = all(refusal.reason == alike[0].reason for refusal in alike)
         which = "" if same else f" (that is of {alike[0].title}; the page has the others)"
-        yield f"not searched: {', '.join(each.title for each in alike)}: {alike[0].reason}{which}"
+        yield f"not searched: {', '.join(refusal.title for refusal in alike)}: {alike[0].reason}{which}"
 
 
 def prior(of: DensitySource) -> str:

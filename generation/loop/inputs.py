@@ -244,30 +244,30 @@ def of_inputs(
     """
     found = {path: _of_input(path, own, ask, name) for path, name in names.items()}
     searched: dict[Path, list[str]] = {}
-    for each in found.values():
-        if isinstance(each, SearchTarget):
-            searched.setdefault(each.scenario.resolve(), []).append(each.title)
+    for outcome in found.values():
+        if isinstance(outcome, SearchTarget):
+            searched.setdefault(outcome.scenario.resolve(), []).append(outcome.title)
     beside = {path.resolve(): name for path, name in names.items()}
-    for path, each in found.items():
-        if isinstance(each, NothingToVary):
-            of = each.scenario.resolve()
+    for path, outcome in found.items():
+        if isinstance(outcome, NothingToVary):
+            of = outcome.scenario.resolve()
             if of in searched:
                 yield Refused(
-                    names[path], f"{each.reason}; in its place: {', '.join(searched[of])}"
+                    names[path], f"{outcome.reason}; in its place: {', '.join(searched[of])}"
                 )
             elif of in beside:  # which says what can be done
                 yield Refused(
                     names[path],
-                    f"{each.reason}, and its scenario {beside[of]} is not searched either",
+                    f"{outcome.reason}, and its scenario {beside[of]} is not searched either",
                 )
             else:
-                yield Refused(names[path], each.message)
-        elif isinstance(each, Refused) and path.resolve() in searched:
+                yield Refused(names[path], outcome.message)
+        elif isinstance(outcome, Refused) and path.resolve() in searched:
             instead = searched[path.resolve()]
             files = "its variation file is" if len(instead) == 1 else "its variation files are"
             yield Refused(names[path], f"{files} searched in its place: {', '.join(instead)}")
         else:
-            yield each
+            yield outcome
 
 
 def _of_input(
@@ -319,7 +319,7 @@ def _concerning(ask: Ask, path: Path) -> Ask:
     """Return the options that concern the parameters a scenario declares."""
     declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
     names = (
-        {each.get("name") for each in declared.children("ParameterDeclaration")}
+        {declaration.get("name") for declaration in declared.children("ParameterDeclaration")}
         if declared is not None
         else set()
     )
@@ -347,6 +347,6 @@ def _recorded(
 def split(found: Iterable[SearchTarget | Refused]) -> tuple[list[SearchTarget], list[Refused]]:
     """Split into searches and refusals."""
     listed: Sequence[SearchTarget | Refused] = list(found)
-    return [each for each in listed if isinstance(each, SearchTarget)], [
-        each for each in listed if isinstance(each, Refused)
+    return [target for target in listed if isinstance(target, SearchTarget)], [
+        refusal for refusal in listed if isinstance(refusal, Refused)
     ]

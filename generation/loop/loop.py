@@ -160,7 +160,11 @@ class _Loop:
                 editable=True,
             )
             table = self._out / UNITS
-            read = [each for each in self._inputs.recordings if each.name not in found.failures]
+            read = [
+                recording
+                for recording in self._inputs.recordings
+                if recording.name not in found.failures
+            ]
             measure = partial(loop_runs.units, read, table, self._bar)
             measured = self._once(LoopStage("measure"), Measured, measure, self._recorded, (table,))
             found = replace(found, failures=found.failures | measured.failures)
@@ -174,9 +178,9 @@ class _Loop:
     def round(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> Round:
         """Search everything, run what was found, and recognise it in the runs."""
         searched = self._searched(number, targets, searchers)
-        for each in searched:
-            self._earlier.setdefault(each.target, []).append(each)
-        files = [self._out / case.file for each in searched for case in each.cases]
+        for outcome in searched:
+            self._earlier.setdefault(outcome.target, []).append(outcome)
+        files = [self._out / case.file for outcome in searched for case in outcome.cases]
         if not files:
             return Round(number, searched, Ran(), RecognisedRun())
         folder = self._out / f"round_{number}"
@@ -243,7 +247,7 @@ class _Loop:
         self, earlier: Earlier, targets: Sequence[SearchTarget], rounds: Iterable[Round]
     ) -> Against:
         """Return the fates of an earlier loop's failures."""
-        found = [search for each in rounds for search in each.searches]
+        found = [search for round_ in rounds for search in round_.searches]
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
             return compare(earlier, targets, found, self._settings, advance)
 
@@ -259,11 +263,15 @@ class _Loop:
             if not self._stages.has(stages[target.name], of[target.name])
         ]
         works: dict[str, Callable[[], Searched]] = {
-            each.name: partial(self._search, number, each) for each in targets
+            target.name: partial(self._search, number, target) for target in targets
         }
         if self._settings.processes > 1 and len(left) > 1:
-            begun = {each.name: searchers.begin(each, number, self._known(each)) for each in left}
-            works |= {each.name: partial(self._await, each, begun[each.name]) for each in left}
+            begun = {
+                target.name: searchers.begin(target, number, self._known(target)) for target in left
+            }
+            works |= {
+                target.name: partial(self._await, target, begun[target.name]) for target in left
+            }
         return [
             self._once(
                 stages[name],

@@ -210,7 +210,7 @@ class FinishedStages:
         self._out, self._folder, self._report, self._tell = out, out / _FOLDER, report, tell
         path = out / _SETTINGS
         check_settings(path, settings, "a loop")
-        if not path.exists() and out.is_dir() and any(each.name != LOCK for each in out.iterdir()):
+        if not path.exists() and out.is_dir() and any(path.name != LOCK for path in out.iterdir()):
             raise UsageError(
                 "there is something else in this folder: a loop needs one of its own", path=out
             )
@@ -299,8 +299,8 @@ class FinishedStages:
         """Digests of what was made, by name below the output folder; what is hidden is of no result."""
         paths = sorted(
             path
-            for each in made
-            for path in ([each] if each.is_file() else each.rglob("*"))
+            for output in made
+            for path in ([output] if output.is_file() else output.rglob("*"))
             if path.is_file()
         )
         names = {path: path.relative_to(self._out) for path in paths}
@@ -323,11 +323,11 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     path = out / _SETTINGS
     if not path.is_file():
         raise UsageError("no loop is in this folder", path=out)
-    left = ((each, _read(each)) for each in sorted((out / _FOLDER).glob("round_*_search_*.json")))
+    left = ((file, _read(file)) for file in sorted((out / _FOLDER).glob("round_*_search_*.json")))
     found = [
         _finding(path, Searched, record) for path, record in left if record["found"] is not None
     ]
-    return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
+    return str(read_object(path).get("sut", "")), sorted(found, key=lambda pair: pair.round)
 
 
 def _unfinished(of: str) -> dict[str, Any]:
@@ -404,7 +404,9 @@ def _value(kind: Any, value: Any) -> Any:
         return (
             None
             if value is None
-            else _value(next(each for each in arguments if each is not type(None)), value)
+            else _value(
+                next(argument for argument in arguments if argument is not type(None)), value
+            )
         )
     if is_dataclass(kind) and isinstance(kind, type):
         hints = get_type_hints(kind)
@@ -412,14 +414,14 @@ def _value(kind: Any, value: Any) -> Any:
         known = {field.name for field in fields(kind)}
         return kind(
             **{
-                name: _value(hints[name], each) if name in known else each
-                for name, each in given.items()
+                name: _value(hints[name], item) if name in known else item
+                for name, item in given.items()
             }
         )
     if origin is list:
-        return [_value(arguments[0], each) for each in _expect(list, value)]
+        return [_value(arguments[0], item) for item in _expect(list, value)]
     if origin is dict:
-        return {name: _value(arguments[1], each) for name, each in _expect(dict, value).items()}
+        return {name: _value(arguments[1], item) for name, item in _expect(dict, value).items()}
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(value)
     return float(_expect(int | float, value)) if kind is float else _expect(kind, value)

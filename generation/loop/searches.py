@@ -126,7 +126,10 @@ def search(
         failures={}
         if outcomes.executed.any()
         else {of.title: f"no run succeeded, mostly: {mostly}"},
-        parameters=[SearchRange(each.name, each.low, each.high) for each in made.space.parameters],
+        parameters=[
+            SearchRange(parameter.name, parameter.low, parameter.high)
+            for parameter in made.space.parameters
+        ],
         pinned=dict(made.space.pinned),
         calls=len(outcomes),
         failed_runs=int((~outcomes.executed).sum()),
@@ -161,7 +164,7 @@ def settings_of(target: SearchTarget, settings: SearchSettings) -> SearchSetting
 
 def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
     """The failures of earlier rounds of one target, one a row; None where there are none."""
-    rows = [row for each in rounds for row in each.failed]
+    rows = [row for round_ in rounds for row in round_.failed]
     return np.array(rows) if rows else None
 
 
@@ -190,19 +193,19 @@ def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
 def regions_of(made: Generated, cases: Sequence[EdgeCase]) -> Iterator[SearchedRegion]:
     """Return the regions of failure, with the files of their edge cases."""
     of = varying(made)
-    for each in regions(made, of):
-        low, high = each.drawn.interval
+    for region in regions(made, of):
+        low, high = region.drawn.interval
         yield SearchedRegion(
-            rule=each.rule(of),
-            precision=round(each.precision, _DIGITS),
-            recall=round(each.recall, _DIGITS),
-            failures=each.failures,
-            draws=each.drawn.runs,
-            drawn=each.drawn.collisions,
+            rule=region.rule(of),
+            precision=round(region.precision, _DIGITS),
+            recall=round(region.recall, _DIGITS),
+            failures=region.failures,
+            draws=region.drawn.runs,
+            drawn=region.drawn.collisions,
             low=round(low, _DIGITS),
             high=round(high, _DIGITS),
-            severity=round(each.severity, _DIGITS),
-            cases=[cases[row].file for row in each.cases],
+            severity=round(region.severity, _DIGITS),
+            cases=[cases[row].file for row in region.cases],
         )
 
 
@@ -319,8 +322,8 @@ class Earlier(NamedTuple):
             )
             for search in self.searches.get(target, ())
         ]
-        systems = {each.system for each in rounds}
-        values = [value for each in rounds for value in each.values]
+        systems = {round_.system for round_ in rounds}
+        values = [value for round_ in rounds for value in round_.values]
         return Before(
             self.folder, self.sut, values, system=systems.pop() if len(systems) == 1 else ""
         )
@@ -406,9 +409,9 @@ def _unknown(
     """A target whose failures of before nothing is known of."""
     found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
     failures = [
-        KnownFailure(_texts(each), Fate.UNKNOWN)
-        for each in found
-        if each.verdict is CaseVerdict.COLLISION
+        KnownFailure(_texts(case), Fate.UNKNOWN)
+        for case in found
+        if case.verdict is CaseVerdict.COLLISION
     ]
     return Compared(target=target, title=title, reason=reason, before=failures, blind=blind)
 
@@ -419,7 +422,7 @@ def _texts(case: EdgeCase) -> dict[str, str]:
 
 def _by_target(found: Iterable[Searched]) -> dict[str, list[Searched]]:
     listed: dict[str, list[Searched]] = {}
-    for each in found:
-        if not each.error:
-            listed.setdefault(each.target, []).append(each)
+    for search in found:
+        if not search.error:
+            listed.setdefault(search.target, []).append(search)
     return listed

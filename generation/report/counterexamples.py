@@ -54,7 +54,9 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
     values = space.by_name(theta)
     roles = {name: role for name, role in roles.items() if name in values}
     actors = by_actor(values, roles) if roles else {}
-    found = [each for actor, of in actors.items() for each in _of_actor(of, actor, len(actors) > 1)]
+    found = [
+        measure for actor, of in actors.items() for measure in _of_actor(of, actor, len(actors) > 1)
+    ]
     nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
     ego = next(
         (name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names),
@@ -170,11 +172,11 @@ def counterexamples(
     foreseeable = generated.prior.foreseeable(cases.theta)
     preventable = np.any([cases.drivers[name].survived for name in JUDGES], axis=0)
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
-    files = writer.concrete(cases, evidence(settings), [each[0] for each in names])
+    files = writer.concrete(cases, evidence(settings), [row_names[0] for row_names in names])
     found = []
-    for row, (file, each) in enumerate(zip(files, names, strict=True)):
+    for row, (file, row_names) in enumerate(zip(files, names, strict=True)):
         unit = nearest(generated, cases.theta[row])
-        found.append(Counterexample(each, row, file, *_played(file, settings), unit))
+        found.append(Counterexample(row_names, row, file, *_played(file, settings), unit))
     return Counterexamples(cases, foreseeable, preventable, found)
 
 
@@ -187,12 +189,13 @@ def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Ca
         return [], cases
     rows = {LIKELIEST: int(cases.log_likelihood.argmax())}
     distances = [
-        each.distance for row in cases.theta if (each := nearest(generated, row)) is not None
+        match_.distance for row in cases.theta if (match_ := nearest(generated, row)) is not None
     ]
     if distances:
         rows[NEAREST] = int(np.argmin(distances))
     names = [
-        [name for name, row in rows.items() if row == each] for each in dict.fromkeys(rows.values())
+        [name for name, row in rows.items() if row == chosen]
+        for chosen in dict.fromkeys(rows.values())
     ]
     chosen = cases.take(np.array(list(dict.fromkeys(rows.values()))))
     return names, chosen if chosen.drivers else replace(
@@ -344,7 +347,7 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
         return f"{ran}: a boundary needs {_FEWEST} that fail and {_FEWEST} that do not"
     if len(measures) < 2:
         return "one measure varies: there is nothing to draw over two"
-    rows = np.stack([each.values for each in measures], axis=1)
+    rows = np.stack([measure.values for measure in measures], axis=1)
     scores = _scores(rows, failing)
     weights = _weights(_model().fit(rows, failing), rows, failing)
     drawn, held = list(weights)[:_SLICED], np.median(rows[failing], axis=0)
@@ -404,7 +407,7 @@ def _boundary(
 
     xs, ys = (np.linspace(*limits(rows[:, index]), _GRID) for index in (across, up))
     grid = np.repeat(held[None], _GRID * _GRID, axis=0)
-    grid[:, across], grid[:, up] = (each.ravel() for each in np.meshgrid(xs, ys))
+    grid[:, across], grid[:, up] = (axis.ravel() for axis in np.meshgrid(xs, ys))
     reached = Delaunay(rows[:, [across, up]]).find_simplex(grid[:, [across, up]]) >= 0
     decided = np.ma.masked_array(model.decision_function(grid), ~reached).reshape(_GRID, _GRID)
     (path,) = Figure().subplots().contour(xs, ys, decided, levels=[0.0]).get_paths()
@@ -467,8 +470,8 @@ class FailureRegion(NamedTuple):
     def rule(self, by: Sequence[Measure]) -> str:
         """The rule in words."""
         sides = (
-            f"{by[each.measure].name} {'≥' if each.least else '≤'} {each.limit:.3g} {by[each.measure].unit}".strip()
-            for each in self.bounds
+            f"{by[bound.measure].name} {'≥' if bound.least else '≤'} {bound.limit:.3g} {by[bound.measure].unit}".strip()
+            for bound in self.bounds
         )
         return " and ".join(sides) or "no measure tells it from other runs"
 
@@ -496,7 +499,7 @@ class FailureRegion(NamedTuple):
             "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
             "survived": dict(self.survived),
             **{
-                name: {each.name: value for each, value in zip(by, values, strict=True)}
+                name: {measure.name: value for measure, value in zip(by, values, strict=True)}
                 for name, values in members.items()
             },
         }  # fmt: skip
@@ -511,7 +514,7 @@ def measured(generated: Generated, theta: FloatArray) -> list[Measure]:
 def varying(generated: Generated) -> list[Measure]:
     """Return the readable measures of the executed runs that differ from run to run."""
     found = measured(generated, generated.episodes.theta[generated.episodes.outcomes.executed])
-    return [each for each in found if each.values.size and np.ptp(each.values) > 0.0]
+    return [measure for measure in found if measure.values.size and np.ptp(measure.values) > 0.0]
 
 
 def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
@@ -527,7 +530,7 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         return []
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
-    unit, rows = space.unit(theta)[:, columns], np.stack([each.values for each in by], axis=1)
+    unit, rows = space.unit(theta)[:, columns], np.stack([measure.values for measure in by], axis=1)
     labels = grouped(unit[failing], LINKED)
     collided = np.flatnonzero(generated.cases.outcomes.collision)
     cases = generated.cases.take(collided)
@@ -542,7 +545,9 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         ]
         likeliest = group[int(np.argmax(generated.prior.log_density(theta[group])))]
         near = _near(space.unit(cases.theta)[:, columns], unit[group])
-        survived = {name: int((each.survived & near).sum()) for name, each in cases.drivers.items()}
+        survived = {
+            name: int((outcomes.survived & near).sum()) for name, outcomes in cases.drivers.items()
+        }
         severity, drawn = (
             float(outcomes.impact_speed[group].mean()),
             _share(generated, columns, unit[group]),
@@ -559,7 +564,7 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
                 survived,
             )
         )
-    return sorted(found, key=lambda each: each.importance, reverse=True)[:_MOST]
+    return sorted(found, key=lambda region: region.importance, reverse=True)[:_MOST]
 
 
 def grouped(unit: FloatArray, linked: float) -> IntArray:
@@ -596,7 +601,9 @@ def _rule(rows: FloatArray, of: BoolArray) -> tuple[list[Bound], float, float]:
     """Bounds that separate the marked rows (n,) of (n, k) best from the others, with precision and recall."""
     bounds, inside = list[Bound](), np.ones(len(rows), bool)
     while len(bounds) < _BOUNDS:
-        best = max(_candidates(rows, of), key=lambda each: _score(inside & each.holds(rows), of))
+        best = max(
+            _candidates(rows, of), key=lambda candidate: _score(inside & candidate.holds(rows), of)
+        )
         if _score(inside & best.holds(rows), of) <= _score(inside, of) + _GAIN:
             break
         bounds.append(best)

@@ -194,8 +194,8 @@ def regression(
         run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray
     ) as simulator:
         jobs = (
-            SimulationJob(str(number), scenario, scenario, dict(each))
-            for number, each in enumerate(before.values)
+            SimulationJob(str(number), scenario, scenario, dict(assignment))
+            for number, assignment in enumerate(before.values)
         )
         replayed = simulator.of(jobs)
     far = _far(tried, before, settings.choice.apart)
@@ -250,7 +250,7 @@ def _found(
     before: Before, scenario: Path, tried: Tried, unlike: BoolArray, settings: SearchSettings
 ) -> list[Fate | None]:
     """Fates of points (m,): of those that are unlike all failures of before."""
-    fates: list[Fate | None] = [Fate.UNLIKE if each else None for each in unlike]
+    fates: list[Fate | None] = [Fate.UNLIKE if far else None for far in unlike]
     rows, run = np.flatnonzero(unlike), replace(settings.run, sut=before.sut)
     if not rows.size or not before.sut or not _same(before, scenario, run):
         return fates

@@ -144,14 +144,14 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
         yield f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and {rate(rates[PER_DISTANCE])} per 1,000 km."
     yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
     bands = {
-        name: each.value
-        for name, each in estimate.probabilities.items()
+        name: probability.value
+        for name, probability in estimate.probabilities.items()
         if name not in (FAILURE, PREVENTABLE)
     }
     if sum(bands.values()) > 0.0:
         shares = (
-            (name.removeprefix("impact "), 100.0 * each / sum(bands.values()))
-            for name, each in bands.items()
+            (name.removeprefix("impact "), 100.0 * count / sum(bands.values()))
+            for name, count in bands.items()
         )
         yield f"Impacts of the collisions: {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
 
@@ -269,8 +269,8 @@ def render(
     found = regions(generated, of)
     rows = {
         _member(number, name): row
-        for number, each in enumerate(found, start=1)
-        for name, row in _members(each).items()
+        for number, area in enumerate(found, start=1)
+        for name, row in _members(area).items()
     }
     with evaluator_of(scenario, generated.space, settings) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
@@ -311,14 +311,15 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         "statement": generated.statement.as_json(),
         "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
         "measures": [
-            {"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))}
-            for each in of
+            {"name": measure.name, "unit": measure.unit, "range": _rounded(limits(measure.values))}
+            for measure in of
         ],
         "region": _region(report.region),
         "regions": _regions(report, of, out),
         "runs": _runs(generated, of),
         "counterexamples": [
-            _example(each, report, of, out) for each in report.counterexamples.found
+            _example(counterexample, report, of, out)
+            for counterexample in report.counterexamples.found
         ],
         "drivers": list(REFERENCES),
         "judges": list(JUDGES),
@@ -340,12 +341,12 @@ def _films(report: SearchReport, out: Path) -> list[Json]:
     ]
     chosen = [
         (
-            f"The {' and '.join(each.names).replace('_', ' ')}",
-            each.replay,
-            each.reproduced,
-            each.film,
+            f"The {' and '.join(counterexample.names).replace('_', ' ')}",
+            counterexample.replay,
+            counterexample.reproduced,
+            counterexample.film,
         )
-        for each in report.counterexamples.found
+        for counterexample in report.counterexamples.found
     ]
     regions = len(report.regions)
     films: dict[str, Json] = {}
@@ -362,12 +363,12 @@ def _estimate(found: Estimate | None) -> Json | None:
     events = [
         {
             "name": name,
-            "chance": _interval(Rate(each.value, each.interval)),
+            "chance": _interval(Rate(probability.value, probability.interval)),
             "rates": [_interval(rate) for rate in found.rates(name).values()],
-            "effective": round(each.effective),
-            "stable": each.stable,
+            "effective": round(probability.effective),
+            "stable": probability.stable,
         }
-        for name, each in found.probabilities.items()
+        for name, probability in found.probabilities.items()
     ]
     return {
         "events": events,
@@ -387,12 +388,12 @@ def _region(found: Region | str) -> Json:
         return {"reason": found}
     slices = [
         {
-            "across": each.across,
-            "up": each.up,
-            "held": _rounded(each.held),
-            "boundary": [[_rounded(point) for point in line.tolist()] for line in each.boundary],
+            "across": section.across,
+            "up": section.up,
+            "held": _rounded(section.held),
+            "boundary": [[_rounded(point) for point in line.tolist()] for line in section.boundary],
         }
-        for each in found.slices
+        for section in found.slices
     ]
     scores = {
         "accuracy": found.accuracy,
@@ -414,10 +415,10 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
     driving = estimate.driving if estimate is not None else ""
     per = driving.per if isinstance(driving, Driving) else {}
     found = []
-    for number, each in enumerate(report.regions, start=1):
+    for number, area in enumerate(report.regions, start=1):
         members = {
             name: _rounded([measure.values[row] for measure in of])
-            for name, row in _members(each).items()
+            for name, row in _members(area).items()
         }
         played = {name: report.members[_member(number, name)] for name in members}
         files = {
@@ -428,15 +429,15 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
             }
             for name, one in played.items()
         }
-        chance = [each.drawn.collisions / max(each.drawn.runs, 1), *each.drawn.interval]
+        chance = [area.drawn.collisions / max(area.drawn.runs, 1), *area.drawn.interval]
         rates = (
             {name: _rounded([scale * share for share in chance]) for name, scale in per.items()}
-            if each.drawn.runs
+            if area.drawn.runs
             else {}
         )
         found.append(
             {
-                **each.as_json(of, members),
+                **area.as_json(of, members),
                 "rates": rates,
                 "files": files,
                 "name": f"region {number}",
@@ -450,8 +451,8 @@ def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     outcomes = generated.episodes.outcomes
     failing = outcomes.collision[outcomes.executed]
     rows = np.linspace(0, len(failing) - 1, min(len(failing), _SHOWN)).astype(int)
-    spread = [float(each.values.std()) for each in of]
-    values = [[_rounded([each.values[row]])[0] for each in of] for row in rows]
+    spread = [float(measure.values.std()) for measure in of]
+    values = [[_rounded([measure.values[row]])[0] for measure in of] for row in rows]
     return {
         "values": values,
         "fails": [bool(failing[row]) for row in rows],
@@ -500,11 +501,11 @@ def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -
     """Measures, outcome and drivers of a case."""
     outcomes = cases.outcomes
     by_name = {
-        each.name: float(each.values[0])
-        for each in measured(report.generated, cases.theta[row : row + 1])
+        measure.name: float(measure.values[0])
+        for measure in measured(report.generated, cases.theta[row : row + 1])
     }
     return {
-        "measures": _rounded([by_name[each.name] for each in of]),
+        "measures": _rounded([by_name[measure.name] for measure in of]),
         "collision": bool(outcomes.collision[row]),
         "impact": _rounded([outcomes.impact_speed[row]])[0],
         "side": str(outcomes.side[row]),

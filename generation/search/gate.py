@@ -291,7 +291,9 @@ def _limits(
 def _is_ego_speed(role: Role, roles: Mapping[str, Role]) -> bool:
     """Whether it is the ego's speed: that of the vehicle that is not the actor, unless the ego acts itself."""
     # In a lane change of the ego the ego is the actor, and the role `ego_speed` is its leader's.
-    acts = any(each.actor == EGO and each.role == "start_speed" for each in roles.values())
+    acts = any(
+        assigned.actor == EGO and assigned.role == "start_speed" for assigned in roles.values()
+    )
     return (
         role.role in ("start_speed", "end_speed", "final_speed") and role.actor == EGO
         if acts

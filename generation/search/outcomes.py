@@ -136,7 +136,7 @@ class Outcomes:
     def take(self, chosen: BoolArray | IntArray) -> Outcomes:
         """Some of the episodes, by a mask (n,) or by indices."""
         return Outcomes(
-            **{each.name: getattr(self, each.name)[chosen] for each in fields(Outcomes)}
+            **{field.name: getattr(self, field.name)[chosen] for field in fields(Outcomes)}
         )
 
 
@@ -155,7 +155,7 @@ class Episodes(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Several runs after each other, without empty parts."""
-        kept = [each for each in parts if len(each.theta)] or parts[:1]
+        kept = [part for part in parts if len(part.theta)] or parts[:1]
         theta, outcomes, rewards = zip(*kept, strict=True)
         return cls(np.concatenate(theta), joined(outcomes), np.concatenate(rewards))
 
@@ -164,8 +164,8 @@ def joined(parts: Sequence[Outcomes]) -> Outcomes:
     """Outcomes one after the other."""
     return Outcomes(
         **{
-            each.name: np.concatenate([getattr(part, each.name) for part in parts])
-            for each in fields(Outcomes)
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(Outcomes)
         }
     )
 
@@ -256,8 +256,8 @@ class Evaluator(Simulator):
         """
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
         return self.of(
-            SimulationJob(str(number), self.scenario, self.scenario, each, sut=sut)
-            for number, each in enumerate(values)
+            SimulationJob(str(number), self.scenario, self.scenario, parameters, sut=sut)
+            for number, parameters in enumerate(values)
         )
 
 
@@ -408,7 +408,8 @@ class FullBraking:
     def control(self, observation: Observation, dt: float) -> Control:
         """Nothing until the manoeuvre begins, then full braking."""
         now = {
-            each.name: _state(observation, each) for each in (observation.ego, *observation.others)
+            participant.name: _state(observation, participant)
+            for participant in (observation.ego, *observation.others)
         }
         self._begun = self._begun or any(
             _changed(self._before[name], state)
@@ -570,7 +571,7 @@ class Cases:
 
     def take(self, rows: BoolArray | IntArray) -> Cases:
         """Some of them, by a mask (n,) or by indices."""
-        drivers = {name: each.take(rows) for name, each in self.drivers.items()}
+        drivers = {name: outcomes.take(rows) for name, outcomes in self.drivers.items()}
         return Cases(
             self.theta[rows],
             self.outcomes.take(rows),
@@ -714,7 +715,9 @@ def write_episodes(space: Space, parts: Mapping[str, Episodes], out: Path) -> Pa
 
     content = BytesIO()
     tables = [
-        pa.table(_columns(space, name, each)) for name, each in parts.items() if len(each.theta)
+        pa.table(_columns(space, name, episodes))
+        for name, episodes in parts.items()
+        if len(episodes.theta)
     ]
     if tables:
         pq.write_table(pa.concat_tables(tables), content, compression="zstd")

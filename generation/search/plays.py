@@ -91,7 +91,7 @@ class ArrayPlays:
             job = Job(str(row), self._scenario, self._scenario, sets[row])
             for name, value in episode(job, settings, self._rss).items():
                 columns[name][row] = value
-        return Outcomes.of(len(sets), **{name: each.tolist() for name, each in columns.items()})
+        return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
 
     def _values(self, row: FloatArray) -> dict[str, str]:
         values = {**self._space.pinned, **self._space.values(row)}

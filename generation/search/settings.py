@@ -266,7 +266,7 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, Mapping):
-        value = [f"{name}={each}" for name, each in value.items()]
+        value = [f"{name}={entry}" for name, entry in value.items()]
     if isinstance(value, list | tuple):
         value = ", ".join(map(str, value))
     return "–" if value is None or value == "" else str(value)

@@ -172,8 +172,10 @@ class Writer:
         drawn = density.sample(_DRAWS, np.random.default_rng(seed))
         drawn = drawn[((drawn >= self._space.low) & (drawn <= self._space.high)).all(axis=1)]
         single = tuple(
-            StochasticDistribution(each.name, _histogram(drawn[:, column], each.low, each.high))
-            for column, each in enumerate(self._space.parameters)
+            StochasticDistribution(
+                parameter.name, _histogram(drawn[:, column], parameter.low, parameter.high)
+            )
+            for column, parameter in enumerate(self._space.parameters)
         )
         description = f"Recorded parameters of {self._stem}, each on its own: the standard can't express how they depend on each other"
         document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
@@ -304,19 +306,19 @@ def varied(path: Path) -> Varied | None:
     found = Varied(space.scenario, {}, {})
     if space.distribution is None:
         return None
-    for each in space.distribution.definition.distributions:
-        if isinstance(each, DeterministicMultiParameterDistribution):
-            name, choices = _sets(each.value_sets, space.scenario, path)
+    for variation in space.distribution.definition.distributions:
+        if isinstance(variation, DeterministicMultiParameterDistribution):
+            name, choices = _sets(variation.value_sets, space.scenario, path)
             found.marginals[name] = choices
             continue
         try:
-            of = marginal(each.distribution)
+            of = marginal(variation.distribution)
         except UsageError as error:
-            raise UsageError(f"{each.parameter_name}: {error.message}", path=path) from None
+            raise UsageError(f"{variation.parameter_name}: {error.message}", path=path) from None
         if isinstance(of, str):
-            found.pinned[each.parameter_name] = of
+            found.pinned[variation.parameter_name] = of
         else:
-            found.marginals[each.parameter_name] = of
+            found.marginals[variation.parameter_name] = of
     return found
 
 
@@ -330,12 +332,15 @@ def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tupl
     # value.
     for name in sets[0]:
         try:
-            values = [float(each[name]) for each in sets]
+            values = [float(assignment[name]) for assignment in sets]
         except (KeyError, ValueError):
             continue
         if len(values) > 1 and len(set(values)) == len(values) and np.isfinite(values).all():
-            rest = [{other: text for other, text in each.items() if other != name} for each in sets]
-            follows = dict(sorted(zip(values, rest, strict=True), key=lambda each: each[0]))
+            rest = [
+                {other: text for other, text in assignment.items() if other != name}
+                for assignment in sets
+            ]
+            follows = dict(sorted(zip(values, rest, strict=True), key=lambda pair: pair[0]))
             return name, Choices(tuple(follows), (1.0,) * len(values), follows if any(rest) else {})
     raise NothingToVary("no number tells its sets of values apart", scenario, path)
 
@@ -350,7 +355,7 @@ def _refuse_undeclared(scenario: Path, roles: Mapping[str, Role]) -> None:
     """A role of what the scenario does not declare is better named before anything else is asked for."""
     holder = xosc.load(scenario).node.find("ParameterDeclarations")
     declared = (
-        [each.get("name") for each in holder.children("ParameterDeclaration")]
+        [declaration.get("name") for declaration in holder.children("ParameterDeclaration")]
         if holder is not None
         else []
     )
@@ -432,7 +437,7 @@ _LITERAL = re.compile(r"\d+@\w")
 def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
     """Put a reference in the place of a literal; the name of its parameter, and its value."""
     line, _, attribute = where.partition("@")
-    found = [each for each in root.iter() if each.line == int(line) and each.has(attribute)]
+    found = [node for node in root.iter() if node.line == int(line) and node.has(attribute)]
     if len(found) != 1:
         raise UsageError(
             f"--free {where}: {len(found) or 'no'} elements of this line have the attribute {attribute}",
@@ -472,7 +477,7 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
             raise UsageError(
                 f"--map {text!r}: recordings have no role {role!r}; roles: {', '.join(ROLES)}"
             )
-        if role in (each.role for each in found.values()):
+        if role in (known.role for known in found.values()):
             raise UsageError(f"--map {text!r}: another parameter has the role {role}")
         found[name] = Role(EGO, role, scale)
     return found
@@ -514,7 +519,7 @@ def asked_of(ask: Ask, path: Path) -> Asked:
         )
     _refuse_undeclared(scenario, roles)
     stated = {**(variation.marginals if variation is not None else {}), **ranges}
-    marginals = {name: each for name, each in stated.items() if name not in ask.pinned}
+    marginals = {name: marginal for name, marginal in stated.items() if name not in ask.pinned}
     pinned = {**(variation.pinned if variation is not None else {}), **ask.pinned}
     pinned = {
         name: value for name, value in pinned.items() if name not in ranges and name not in free

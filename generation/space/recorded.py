@@ -122,15 +122,21 @@ class Recorded(NamedTuple):
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:
         """Return the prior of each of two adversaries, from all units of its kind, whatever the other one does."""
         found = []
-        for each in self.pairs.alone if self.pairs is not None else ():
-            names = tuple(name for name in space.names if name in each.values)
+        for recorded in self.pairs.alone if self.pairs is not None else ():
+            names = tuple(name for name in space.names if name in recorded.values)
             columns = [space.names.index(name) for name in names]
             pinned = {
-                name: float(value) for name, value in space.pinned.items() if name in each.values
+                name: float(value)
+                for name, value in space.pinned.items()
+                if name in recorded.values
             }
             if names:
                 box = Box(names, space.low[columns], space.high[columns], pinned)
-                found.append(RecordedPrior(box, each.values, each.recordings, each.roles, density))
+                found.append(
+                    RecordedPrior(
+                        box, recorded.values, recorded.recordings, recorded.roles, density
+                    )
+                )
         return found
 
     def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
@@ -185,7 +191,7 @@ class Recorded(NamedTuple):
         """Return the values inside the box."""
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
         errors = None if self.errors is None else self.errors[inside]
-        values = {name: each[inside] for name, each in self.values.items()}
+        values = {name: column[inside] for name, column in self.values.items()}
         return self._replace(
             theta=self.theta[inside],
             recordings=self.recordings[inside],
@@ -273,7 +279,7 @@ def kind_of(scenario: Path) -> str:
         raise UsageError("no such file", path=scenario)
     kinds = {
         **{name: name for name in PAIRS},
-        **{name: each.kind for name, each in MANEUVERS.items()},
+        **{name: maneuver.kind for name, maneuver in MANEUVERS.items()},
     }
     found = next(
         (kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None
@@ -314,10 +320,10 @@ def of_samples(
     samples, roles = _with_jerk(samples, roles_of([*space.names, *space.pinned], mapped), space)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))
     units = _units_of_actors(
-        list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds
+        list(dict.fromkeys(role.actor for role in roles.values())), samples.ego_speeds
     )
     values = {
-        name: each.factor * table[each.role][units[each.actor]] for name, each in roles.items()
+        name: role.factor * table[role.role][units[role.actor]] for name, role in roles.items()
     }
     unknown = [name for name in space.names if name not in values and name not in marginals]
     if unknown:
@@ -367,7 +373,7 @@ def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
     if unknown:
         raise UsageError(f"recorded pairs have no values of the parameter {unknown[0]}: pin it")
     kept = samples.apart(values)
-    values = {name: each[kept] for name, each in values.items()}
+    values = {name: column[kept] for name, column in values.items()}
     theta = np.stack([values[name] for name in space.names], axis=1)
     return Recorded(
         theta,
@@ -394,15 +400,15 @@ def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, Int
         beside = _BESIDE * number
         blocks = np.array_split(order, max(1, len(order) // (2 * beside))) if beside else [order]
         found[actor] = np.empty(len(speeds), np.int64)
-        found[actor][order] = np.concatenate([np.roll(each, -beside) for each in blocks])
+        found[actor][order] = np.concatenate([np.roll(block, -beside) for block in blocks])
     return found
 
 
 def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
     """Draws in the place of recordings, from densities that are stated; uniform where there is none."""
     every = {
-        each.name: marginals.get(each.name) or uniform(each.low, each.high)
-        for each in space.parameters
+        parameter.name: marginals.get(parameter.name) or uniform(parameter.low, parameter.high)
+        for parameter in space.parameters
     }
     drawn = _drawn(every, _DRAWN)
     theta = np.stack([drawn[name] for name in space.names], axis=1)
@@ -416,7 +422,7 @@ def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
 
 def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
     generator = np.random.default_rng(0)
-    return {name: each.sample(n, generator) for name, each in marginals.items()}
+    return {name: marginal.sample(n, generator) for name, marginal in marginals.items()}
 
 
 def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
@@ -425,7 +431,7 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
     The recorded parameters are the values that those scenarios declare; most of a kind win where
     there are several kinds. Where the ego is alone, nothing can be searched.
     """
-    for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
+    for folder in (path, *sorted(folder for folder in path.iterdir() if folder.is_dir())):
         kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
         for file in sorted(folder.glob("*.xosc")):
             found = _declared(file)
@@ -433,7 +439,7 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
                 names, row, recording = found
                 kinds.setdefault(names, []).append((file, row, recording))
         if kinds:
-            names = max(kinds, key=lambda each: len(kinds[each]))
+            names = max(kinds, key=lambda kind: len(kinds[kind]))
             files, rows, recordings = zip(*kinds[names], strict=True)
             theta = np.array(rows)
             yield RecordedScenario(
@@ -454,8 +460,8 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
     except UsageError:
         return None
     values = {
-        each.get("name"): each.get("value")
-        for each in document.node.need("ParameterDeclarations").children()
+        declaration.get("name"): declaration.get("value")
+        for declaration in document.node.need("ParameterDeclarations").children()
     }
     return (
         names,
@@ -474,7 +480,7 @@ def _property(root: Node, name: str) -> str | None:
     """The value of a property of a scenario's FileHeader; None without it."""
     properties = root.find("FileHeader", "Properties")
     listed = properties.children("Property") if properties is not None else []
-    return next((each.get("value") for each in listed if each.get("name") == name), None)
+    return next((entry.get("value") for entry in listed if entry.get("name") == name), None)
 
 
 def _middle(theta: FloatArray) -> int:

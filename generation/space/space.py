@@ -65,17 +65,17 @@ class Space:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the declarations."""
-        return tuple(each.name for each in self.parameters)
+        return tuple(parameter.name for parameter in self.parameters)
 
     @property
     def low(self) -> FloatArray:
         """Least values (d,)."""
-        return np.array([each.low for each in self.parameters])
+        return np.array([parameter.low for parameter in self.parameters])
 
     @property
     def high(self) -> FloatArray:
         """Greatest values (d,)."""
-        return np.array([each.high for each in self.parameters])
+        return np.array([parameter.high for parameter in self.parameters])
 
     def clip(self, theta: FloatArray) -> FloatArray:
         """The nearest points of the box."""
@@ -108,7 +108,7 @@ class Space:
     def _text(self, name: str, value: float) -> str:
         if name not in self.choices:
             return repr(round(value, DIGITS))
-        nearest_one = min(self.choices[name], key=lambda each: abs(each - value))
+        nearest_one = min(self.choices[name], key=lambda choice: abs(choice - value))
         return str(int(nearest_one)) if nearest_one.is_integer() else repr(nearest_one)
 
     def admits(self, theta: FloatArray) -> BoolArray:
@@ -163,7 +163,7 @@ class Space:
             InvalidFile: the file is malformed, or a pinned value violates its constraints.
         """
         node = xosc.load(scenario).node
-        declared = {each.get("name"): each for each in _declarations(node)}
+        declared = {declaration.get("name"): declaration for declaration in _declarations(node)}
         pinned = dict(pinned or {})
         for name in (*pinned, *free, *ranges):
             if name not in declared:
@@ -175,7 +175,7 @@ class Space:
             for name, value in pinned.items()
         }
         scope = ParameterScope(declared.values(), assigned=assigned)
-        bounded = [name for name, each in declared.items() if _bounded(each, scope)]
+        bounded = [name for name, declaration in declared.items() if _bounded(declaration, scope)]
         chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
         for name in (*free, *ranges):
             if (
@@ -206,8 +206,8 @@ class Space:
             )
         literals = {
             name: scope.own[name].text
-            for name, each in declared.items()
-            if "$" not in each.get("value")
+            for name, declaration in declared.items()
+            if "$" not in declaration.get("value")
         }
         follows = {
             name: ranges[name].follows
@@ -217,8 +217,8 @@ class Space:
         following = {
             name: first
             for first, values in follows.items()
-            for each in values.values()
-            for name in each
+            for texts in values.values()
+            for name in texts
         }
         for name, first in following.items():
             if name not in declared or name in pinned or name in chosen:
@@ -245,7 +245,7 @@ class Space:
         return cls(
             tuple(sides),
             rest,
-            {name: each for name, each in choices.items() if each},
+            {name: choice for name, choice in choices.items() if choice},
             follows,
             admits,
         )
@@ -259,9 +259,9 @@ def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
     """
     declared = _declarations(xosc.load(scenario).node)
     found = {
-        each.get("name"): each.get("value")
-        for each in declared
-        if each.get("parameterType") in ("double", *_WHOLE)
+        declaration.get("name"): declaration.get("value")
+        for declaration in declared
+        if declaration.get("parameterType") in ("double", *_WHOLE)
     }
     if not found:
         raise UsageError(
@@ -343,7 +343,8 @@ def _bounded(declaration: Node, scope: ParameterScope) -> bool:
         return False
     groups = declaration.children("ConstraintGroup")
     return bool(groups) and all(
-        {"l", "g"} <= {each.get("rule")[0] for each in group.children()} for group in groups
+        {"l", "g"} <= {constraint.get("rule")[0] for constraint in group.children()}
+        for group in groups
     )
 
 
@@ -356,20 +357,22 @@ def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
             f"the parameter {name} may have values in several intervals, which can't be searched"
         )
     low, high = -np.inf, np.inf
-    for each in groups[0].children():
-        rule, value = each.get("rule"), float(scope.literal(each.get("value")))
+    for constraint in groups[0].children():
+        rule, value = constraint.get("rule"), float(scope.literal(constraint.get("value")))
         if rule in ("greaterOrEqual", "greaterThan"):
             low = max(low, value + (_STEP if rule == "greaterThan" else 0.0))
         elif rule in ("lessOrEqual", "lessThan"):
             high = min(high, value - (_STEP if rule == "lessThan" else 0.0))
         else:
-            raise each.unsupported(
+            raise constraint.unsupported(
                 f"the parameter {name} is constrained by {rule}, which is no interval"
             )
     if not low < high:
         raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
     short = name.partition("_")[2]
-    meaning = next((each.meaning for each in DECLARED.values() if each.name == short), "")
+    meaning = next(
+        (parameter.meaning for parameter in DECLARED.values() if parameter.name == short), ""
+    )
     return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)
 
 

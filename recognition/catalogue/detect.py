@@ -128,7 +128,7 @@ def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
     for moment in sorted(moments, key=lambda moment: (moment.time, moment.partner or "")):
         # A model's moments have no partner: they join any run; two different partners are two
         # encounters.
-        partners = {each.partner for each in runs[-1]} - {None} if runs else set()
+        partners = {member.partner for member in runs[-1]} - {None} if runs else set()
         other = moment.partner is not None and bool(partners - {moment.partner})
         if not runs or other or moment.time - runs[-1][-1].time > WINDOW + gap:
             runs.append([])

@@ -125,7 +125,7 @@ def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
     }
     for name, amount in (("per_hour", hours), ("per_1000_km", km / 1000.0)):
         known = amount > 0.0 and title not in seen.blocked
-        values = [each / amount for each in (count, *interval(count))] if known else [None] * 3
+        values = [number / amount for number in (count, *interval(count))] if known else [None] * 3
         row |= {
             f"{name}{end}": value and round(value, 4)
             for end, value in zip(("", "_low", "_high"), values, strict=True)

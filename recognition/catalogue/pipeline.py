@@ -354,7 +354,7 @@ class _Work:
         # Every scenario is played once: what does not play is no part of the catalogue.
         play = partial(recordings.played, self._out)
         with (
-            bar("playing", sum(len(each.trials) for each in trials)) as advance,
+            bar("playing", sum(len(block.trials) for block in trials)) as advance,
             results(play, trials, self._workers) as done,
         ):
             outcomes = []
@@ -473,7 +473,9 @@ def label_runs(
     written = {str(path): digest(content) for path, content in files.items() if path not in edited}
     table = {
         "files": written,
-        "runs": {name: [_told(each) for each in listed] for name, listed in found.items()},
+        "runs": {
+            name: [_told(detection) for detection in listed] for name, listed in found.items()
+        },
     }
     _write(record, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode(), {}, True)
     return LabelledRuns(found, [Path(name) for name in written], edited)

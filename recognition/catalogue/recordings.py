@@ -289,7 +289,7 @@ def opened(
         columns: declaration of the columns of tables.
     """
     found = listed(paths, columns)
-    return [replace(source, given=road) for each in found for source in each.sources]
+    return [replace(source, given=road) for data_set in found for source in data_set.sources]
 
 
 @lru_cache(maxsize=1)

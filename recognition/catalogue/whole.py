@@ -72,7 +72,10 @@ def write_replay(
     assert source.report is not None, "the recording has been read"
     remarks = [
         *source.report.remarks,
-        *(f"{each.what} is left out: {each.reason}" for each in source.report.exclusions),
+        *(
+            f"{exclusion.what} is left out: {exclusion.reason}"
+            for exclusion in source.report.exclusions
+        ),
     ]
     track = _ego(recording, source, ego, remarks)
     file = _road(source, recording, remarks)

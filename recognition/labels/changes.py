@@ -159,7 +159,7 @@ def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
     what the road bends.
     """
     # Turns cross borders of lanes too: a change of lane goes along the road, and does not turn.
-    headings = np.array([_lane_heading(scene, each) for each in row.tolist()], np.float64)
+    headings = np.array([_lane_heading(scene, index) for index in row.tolist()], np.float64)
     oblique = np.abs(_wrapped(scene.h[row] - headings))
     reach = scene.rows(scene.rules.turning_time)
     turns = _turns(
@@ -243,7 +243,7 @@ def exits(scene: SceneRows, course: IntArray) -> Exits:
     for leaves in (True, False):
         lane = crossed - 1 if leaves else crossed
         row, lane = crossed[road[lane]], lane[road[lane]]
-        headings = np.array([_lane_heading(scene, each) for each in lane.tolist()], np.float64)
+        headings = np.array([_lane_heading(scene, index) for index in lane.tolist()], np.float64)
         row = row[np.abs(_wrapped(scene.h[row] - headings)) > angle]
         first = row if leaves else np.maximum(row - reach, scene.first[row])
         last = np.minimum(row + reach, scene.last[row] + 1) if leaves else row
@@ -417,8 +417,8 @@ def _overlapping(scene: SceneRows, changed: BoolArray) -> BoolArray:
     )
     row = np.flatnonzero(near & (np.abs(np.diff(scene.offset)) < _SAME_LANE))
     bends = [
-        float(_wrapped(_lane_heading(scene, each + 1) - _lane_heading(scene, each)))
-        for each in row.tolist()
+        float(_wrapped(_lane_heading(scene, index + 1) - _lane_heading(scene, index)))
+        for index in row.tolist()
     ]
     near[:] = False
     near[row[np.abs(np.array(bends, np.float64)) < np.radians(scene.rules.oblique)]] = True

@@ -152,7 +152,7 @@ def with_critical(
             )
             found.append(_marked(event, moment))
             continue
-        index = min(fitting, key=lambda each: abs(events[each].time - moment.time))
+        index = min(fitting, key=lambda number: abs(events[number].time - moment.time))
         if moment.severity > (found[index].severity or 0.0):
             found[index] = _marked(found[index], moment)
     return sorted(found, key=lambda event: (event.ego, event.time))
@@ -197,7 +197,7 @@ def critical_moments(
             continue
         parts = [*_alone(track, limits, recording.timestep)]
         if len(others):
-            beside = [motions[each] for each in others.tolist()]
+            beside = [motions[number] for number in others.tolist()]
             parts += _encounters(motions[number], beside, limits, recording.timestep)
         found += _moments(track.name, parts, limits)
     return sorted(_once(found, limits), key=lambda moment: (moment.ego, moment.time))
@@ -343,7 +343,7 @@ def _encounters(
                     if name == "ttc"
                     else _share(value, limits.drac, _GRAVEST["drac"])
                 )
-                start, end, when = (float(time[each]) for each in (rows[0], rows[-1], at))
+                start, end, when = (float(time[row]) for row in (rows[0], rows[-1], at))
                 yield Exceedance(start, end, when, name, value, severity, other.name)
                 yield Exceedance(
                     start, end, when, "rss_margin", float(margin[rows].min()), 0.0, other.name
@@ -399,7 +399,7 @@ def _cross(ego: MotionRows, other: MotionRows) -> bool:
         return False
     tree = KDTree(np.stack([other.x[its], other.y[its]], axis=1))
     found = tree.query(np.stack([ego.x[moving], ego.y[moving]], axis=1))
-    away, index = (np.asarray(each) for each in found)
+    away, index = (np.asarray(values) for values in found)
     at = int(away.argmin())
     turn = ego.h[moving][at] - other.h[its][int(index[at])]
     return bool(np.abs(np.sin(turn)) > np.sin(_CROSSING))

@@ -489,7 +489,7 @@ def _lines(scene: Scene, which: IntArray) -> list[LineString]:
     from shapely import LineString
 
     rows = map(scene.passages.rows, which.tolist())
-    return [LineString(np.stack([scene.x[each], scene.y[each]], axis=1)) for each in rows]
+    return [LineString(np.stack([scene.x[way], scene.y[way]], axis=1)) for way in rows]
 
 
 def _turn(scene: Scene, label: Label, chosen: BoolArray) -> Hits:

@@ -510,7 +510,7 @@ def _lanes(scene: Scene, row: int) -> str:
     """Lanes about a row: those where the track is `rules.hold` before and after it."""
     reach = scene.rows(scene.rules.hold)
     around = max(row - reach, int(scene.first[row])), min(row + reach, int(scene.last[row]))
-    before, after = (_lane(scene, each) for each in around)
+    before, after = (_lane(scene, end) for end in around)
     return f"on {before}" if before == after else f"from {before} to {after}"
 
 

@@ -196,12 +196,12 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> VehicleMotion
     frame, axle = (np.concatenate(column) for column in zip(*tracks, strict=True))
     x, y = axle.T
     h = _headings(x, y, counts, 2 * REAR_AXLE * length, h)
-    each = np.repeat(np.arange(len(vehicle)), counts)
-    behind = REAR_AXLE * length[each]
+    owner = np.repeat(np.arange(len(vehicle)), counts)
+    behind = REAR_AXLE * length[owner]
     x, y = x - behind * np.cos(h), y - behind * np.sin(h)
     vx, vy = (_rate(values, counts, rate) for values in (x, y))
     ax, ay = (_rate(values, counts, rate) for values in (vx, vy))
-    return VehicleMotion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
+    return VehicleMotion(vehicle[owner], frame, x, y, h, vx, vy, ax, ay)
 
 
 def _axle(

@@ -169,7 +169,7 @@ def check_ratio(ratio: FloatArray, step: float) -> Check | None:
     """Say which step would fit, or in which unit speeds are, where places do not move at the stated speeds."""
     if not len(ratio):
         return None
-    low, middle, high = (float(each) for each in np.quantile(ratio, (0.25, 0.5, 0.75)))
+    low, middle, high = (float(quartile) for quartile in np.quantile(ratio, (0.25, 0.5, 0.75)))
     if 1.0 / _CREDIBLE <= middle <= _CREDIBLE:
         return None
     places = f"the places move at {middle:.2f} times the stated speeds"
@@ -195,7 +195,7 @@ def check_ratio(ratio: FloatArray, step: float) -> Check | None:
 def one_factor(ratio: FloatArray) -> float | None:
     """Return the median of ratios (n,) of speeds if it explains nearly all of them, and they differ; else None."""
     low, middle, high = (
-        (float(each) for each in np.quantile(ratio, (0.25, 0.5, 0.75)))
+        (float(quartile) for quartile in np.quantile(ratio, (0.25, 0.5, 0.75)))
         if len(ratio)
         else (1.0, 1.0, 1.0)
     )

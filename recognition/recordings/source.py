@@ -357,7 +357,7 @@ def _sources(file: Path, formats: Sequence[Any], roads: Path) -> list[Source]:
             read_bytes(
                 file
             )  # a pointer of Git LFS, which no format claims, may be in the place of a recording
-        form = next((each for each in formats if each.claims(file)), None)
+        form = next((form for form in formats if form.claims(file)), None)
         return form.sources(file, roads) if form is not None else []
     except InvalidFile as error:
         return [Source(file.name, file.stem, "", file, partial(_fail, error))]

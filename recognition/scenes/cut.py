@@ -175,9 +175,10 @@ class _Rows(NamedTuple):
     @classmethod
     def of(cls, tracks: Sequence[Track], frames: Sequence[IntArray]) -> _Rows:
         """Of tracks with the frames of each."""
-        track = np.repeat(np.arange(len(tracks)), [len(each) for each in frames])
+        track = np.repeat(np.arange(len(tracks)), [len(frame) for frame in frames])
         x, y = (
-            np.concatenate([np.zeros(0), *(each.columns[axis] for each in tracks)]) for axis in "xy"
+            np.concatenate([np.zeros(0), *(track.columns[axis] for track in tracks)])
+            for axis in "xy"
         )
         frame = np.concatenate([np.zeros(0, np.int64), *frames])
         order = np.argsort(frame, kind="stable")

@@ -169,7 +169,7 @@ class LaneGraph:
         if self._in_junction(one, other):
             return None
         links = (self.following, self.preceding) if both else (self.following,)
-        pairs = ((a, b) for each in links for a in each[one] for b in each[other])
+        pairs = ((a, b) for link in links for a in link[one] for b in link[other])
         return next((steps for a, b in pairs if (steps := self._beside(a, b))), None)
 
     def side_by_side(self, one: int, other: int) -> int | None:

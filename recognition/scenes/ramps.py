@@ -302,8 +302,8 @@ class _Ramps:
     def _last_beside(self, one: int, other: int, onward: list[list[int]]) -> bool:
         """Whether two places side by side are the last ones: none of their followers are side by side."""
         following = {other, *onward[other]}
-        following.update(after for each in onward[other] for after in onward[each])
-        nexts = [after for each in onward[one] for after in (each, *onward[each])]
+        following.update(after for between in onward[other] for after in onward[between])
+        nexts = [after for following in onward[one] for after in (following, *onward[following])]
         return not any(int(self._places.right[after]) in following for after in nexts)
 
     def _other_roads(self, one: int, other: int, onward: list[list[int]]) -> bool:
@@ -341,12 +341,12 @@ class _Ramps:
         """
         places = self._places
         both = (left, right)
-        look = min(max(gone for _, gone in places.ahead(each, _LOOK, way)) for each in both)
+        look = min(max(gone for _, gone in places.ahead(place, _LOOK, way)) for place in both)
         if look < _LEAST:
             return None
         ends = [
-            [at for at, gone in places.ahead(each, look, way) if gone >= look - _STEP]
-            for each in both
+            [at for at, gone in places.ahead(place, look, way) if gone >= look - _STEP]
+            for place in both
         ]
         rest = _LOOK - look  # beyond the border of the map they go on as they are
         sign, apart = (1.0 if way == 0 else -1.0), True
@@ -474,12 +474,12 @@ class _Ramps:
         """Whether a strip leads nowhere, or into the lane beside it, while one beside it goes on."""
         place = (self._places.last if way == 0 else self._places.first)[strip]
         mates = [
-            each
-            for each in self._places.row(self._wide(place, way))
-            if int(self._places.strip[each]) != strip
+            mate
+            for mate in self._places.row(self._wide(place, way))
+            if int(self._places.strip[mate]) != strip
         ]
         goes = [
-            each for each in mates if self._places.ahead(each, 2.0 * _LOOK, way)[-1][1] >= _LOOK
+            mate for mate in mates if self._places.ahead(mate, 2.0 * _LOOK, way)[-1][1] >= _LOOK
         ]
         onwards = self._links[way][strip]
         into = any(len(self._links[1 - way][after]) > 1 for after in onwards)
@@ -575,9 +575,9 @@ def _linked(lanes: LaneGraph, strips: IntArray) -> IntArray:
             if group[strip] == NOWHERE:
                 group[strip] = count
                 waiting += [
-                    each
-                    for each in (*lanes.following[strip], *lanes.preceding[strip])
-                    if each in among
+                    neighbour
+                    for neighbour in (*lanes.following[strip], *lanes.preceding[strip])
+                    if neighbour in among
                 ]
         count += 1
     return group

@@ -139,7 +139,8 @@ def _turns_one_way(points: FloatArray) -> bool:
     heading = np.arctan2(steps[:, 1], steps[:, 0])
     turn = np.remainder(np.roll(heading, -1) - heading + np.pi, 2.0 * np.pi) - np.pi
     way, turned = (
-        np.concatenate([[0.0], np.cumsum(np.concatenate([each, each]))]) for each in (length, turn)
+        np.concatenate([[0.0], np.cumsum(np.concatenate([values, values]))])
+        for values in (length, turn)
     )
     starts = np.arange(len(length))
     whole = turned[len(length)]

@@ -51,11 +51,11 @@ _NODES = {
     ("sklearn.tree._classes", "DecisionTreeClassifier", "ObjectNode"),
     ("sklearn.tree._tree", "Tree", "TreeNode"),
     *(
-        ("builtins", *each)
-        for each in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))
+        ("builtins", *pair)
+        for pair in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))
     ),
     *(("builtins", "str", loader) for loader in ("JsonNode", "TypeNode")),
-    *(("numpy", each, "NdArrayNode") for each in ("ndarray", "int64")),
+    *(("numpy", name, "NdArrayNode") for name in ("ndarray", "int64")),
 }
 """Module, class and loader of all nodes of a forest"""
 LARGEST = 2**30
@@ -316,9 +316,9 @@ def _checked(files: dict[str, bytes]) -> bytes:
     while waiting:
         one = waiting.pop()
         waiting += [
-            each
-            for each in (one.values() if isinstance(one, dict) else one)
-            if isinstance(each, dict | list)
+            member
+            for member in (one.values() if isinstance(one, dict) else one)
+            if isinstance(member, dict | list)
         ]
         if isinstance(one, dict) and "__loader__" in one:
             if (one.get("__module__"), one.get("__class__"), one["__loader__"]) not in _NODES:

@@ -109,7 +109,9 @@ def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[Compil
         if not pending:
             break
         fixed, members = pending.pop(0)
-        found, alike = _compiled(document, path, fixed, [sets[each] for each in members], settings)
+        found, alike = _compiled(
+            document, path, fixed, [sets[member] for member in members], settings
+        )
         if isinstance(found, ToolchainError):
             fault = found
         else:
@@ -124,10 +126,10 @@ def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[Compil
 def _doubles(document: Any) -> set[str]:
     declared = document.node.find("ParameterDeclarations")
     found = set()
-    for each in declared.children() if declared is not None else ():
+    for declaration in declared.children() if declared is not None else ():
         try:
-            if type_named(each.get("parameterType", "")) == "double":
-                found.add(each.get("name"))
+            if type_named(declaration.get("parameterType", "")) == "double":
+                found.add(declaration.get("name"))
         except ValueError:
             continue
     return found
@@ -140,7 +142,7 @@ def _compiled(
     values: dict[str, Any] = {}
     constant: dict[str, Any] = dict(fixed)
     for name in sets[0].keys() - fixed.keys():
-        column = np.array([float(each[name]) for each in sets])
+        column = np.array([float(assignment[name]) for assignment in sets])
         if (column == column[0]).all():
             constant[name] = sets[0][name]
         else:
@@ -290,8 +292,8 @@ class Together:
                     numbers = block.members.tolist()
                     measured = block.outcomes.measured(parameter_set("ad-rss"))
                     known |= {
-                        each: _measures(block.outcomes, measured, at)
-                        for at, each in enumerate(numbers)
+                        number: _measures(block.outcomes, measured, at)
+                        for at, number in enumerate(numbers)
                     }
         except (NotInArrays, Unsupported) as error:
             self._single.add(path)

@@ -173,7 +173,7 @@ def _sources(jobs: Iterable[Job | Outcome]) -> set[Path] | None:
     if isinstance(jobs, Jobs):
         return jobs.sources
     return (
-        {each.source if isinstance(each, Job) else each.job.source for each in jobs}
+        {job.source if isinstance(job, Job) else job.job.source for job in jobs}
         if isinstance(jobs, Sequence)
         else None
     )
@@ -319,7 +319,7 @@ def counterparts_of(now: Iterable[str | Path], before: Iterable[str | Path]) -> 
     its batch are in; else the only one of its name, where both batches have one only.
     """
     own, earlier = (
-        [os.path.abspath(file) for file in dict.fromkeys(each)] for each in (now, before)
+        [os.path.abspath(file) for file in dict.fromkeys(files)] for files in (now, before)
     )
     found = {path: path for path in own if path in set(earlier)}
     for key in (_below(own) | _below(earlier)).get, lambda path: Path(path).stem:
@@ -386,12 +386,14 @@ class BatchComparison:
         """
         key = journal.seal_key()
         earlier = [
-            each
-            for each in journal.finished(folder).outcomes.values()
-            if key is None or journal.is_sealed(each, key)
+            outcome
+            for outcome in journal.finished(folder).outcomes.values()
+            if key is None or journal.is_sealed(outcome, key)
         ]
-        runs = {_key(each.job): EarlierRun(each.state, each.content) for each in earlier}
-        same = counterparts_of(files, [each.job.source for each in earlier])
+        runs = {
+            _key(outcome.job): EarlierRun(outcome.state, outcome.content) for outcome in earlier
+        }
+        same = counterparts_of(files, [outcome.job.source for outcome in earlier])
         content = partial(inputs.content_of, run=settings)
         return cls(folder.resolve().name, runs, content, same)
 

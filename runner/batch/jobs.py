@@ -130,11 +130,11 @@ def is_sound(outcome: Outcome) -> bool:
         extreme = value if isinstance(value, dict) else {"value": value}
         texts += [name, extreme.get("other") or ""]
         numbers += [extreme["value"], extreme.get("time")]
-    for each in outcome.evidence:
-        texts += [each["name"], each["unit"], *each["texts"]]
-        numbers += [each["value"], each["planned"], each["least"]]
-    for each in outcome.criteria:
-        texts += [each["name"], each["entity"], each["result"], each["reason"]]
+    for row in outcome.evidence:
+        texts += [row["name"], row["unit"], *row["texts"]]
+        numbers += [row["value"], row["planned"], row["least"]]
+    for criterion in outcome.criteria:
+        texts += [criterion["name"], criterion["entity"], criterion["result"], criterion["reason"]]
     if impact is not None:
         x, y = impact["point"]
         texts += [impact["side"], impact["other"]]
@@ -258,7 +258,7 @@ class Jobs:
                     f"the parameter {parameter!r} can't be given, this file sets it", path=path
                 )
             own = name if space.distribution is None else numbered(name, index)
-            told = ", ".join(f"{each}={value}" for each, value in values.items() if each in varying)
+            told = ", ".join(f"{name}={value}" for name, value in values.items() if name in varying)
             for seed in self._seeds:
                 one = own if seed is None else f"{own}~seed{seed}"
                 yield Job(

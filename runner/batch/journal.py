@@ -204,13 +204,13 @@ def begin(
         _refuse_others(out, before.outcomes.values(), sources)
         faults = {
             name: fault
-            for name, each in before.outcomes.items()
-            if (fault := _fault(out, each, inputs, needs) if named(each.job) else _RENAMED)
+            for name, outcome in before.outcomes.items()
+            if (fault := _fault(out, outcome, inputs, needs) if named(outcome.job) else _RENAMED)
         }
         for name, fault in faults.items():
             if fault == _RENAMED and (out / name / RESULT).is_file():
                 shutil.rmtree(out / name)
-        done = {name: each for name, each in before.outcomes.items() if name not in faults}
+        done = {name: outcome for name, outcome in before.outcomes.items() if name not in faults}
         _tell(faults, before, records.path, tell)
         clear_drafts(out)
     write_object({**settings, **_origin()}, manifest)
@@ -233,9 +233,9 @@ def _origin() -> dict[str, Any]:
 def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Path] | None) -> None:
     other = next(
         (
-            each.job.source
-            for each in before
-            if sources is not None and each.job.source not in sources
+            outcome.job.source
+            for outcome in before
+            if sources is not None and outcome.job.source not in sources
         ),
         None,
     )
@@ -269,7 +269,7 @@ def _tell(
     faults: dict[str, str], before: Finished, journal: Path, tell: Callable[[str], None]
 ) -> None:
     for fault in sorted(set(faults.values())):
-        names = [name for name, each in faults.items() if each == fault]
+        names = [name for name, other in faults.items() if other == fault]
         tell(
             f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})"
         )
@@ -311,9 +311,9 @@ def discard(out: Path) -> None:
     with alone(out, "a batch"), writing("the earlier batch", out):
         clear_drafts(out)
         names = {
-            each.name
-            for each in out.iterdir()
-            if (each / RESULT).is_file() and not each.is_symlink()
+            folder.name
+            for folder in out.iterdir()
+            if (folder / RESULT).is_file() and not folder.is_symlink()
         }
         for name in names & finished(out).outcomes.keys():
             shutil.rmtree(out / name)
@@ -342,7 +342,7 @@ def finished(out: Path) -> Finished:
             f"the journal can't be read: {error.strerror or error}", path=out / _JOURNAL
         ) from None
     restored = [_outcome(record) for record in kept.records]
-    outcomes = {each.job.name: each for each in restored if each is not None}
+    outcomes = {outcome.job.name: outcome for outcome in restored if outcome is not None}
     return Finished(outcomes, kept.damaged, restored.count(None))
 
 

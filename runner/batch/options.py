@@ -34,7 +34,7 @@ def complete_parameter(context: Context, incomplete: str) -> list[str]:
         listed = listing(map(str, expand(context.args))).scenarios if context.args else []
     except ToolchainError:
         return []
-    pairs = {f"{one.name}={one.value}": None for each in listed for one in each.parameters}
+    pairs = {f"{one.name}={one.value}": None for scenario in listed for one in scenario.parameters}
     return [pair for pair in pairs if pair.startswith(incomplete)]
 
 

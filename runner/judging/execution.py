@@ -289,9 +289,9 @@ class Session:
             *self._departures.remarks,
             *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
             *jolts(
-                recording.tracks[each.name]
-                for each in sim.entities.values()
-                if each is not ego and each.at_road_end and each.name in recording.tracks
+                recording.tracks[entity.name]
+                for entity in sim.entities.values()
+                if entity is not ego and entity.at_road_end and entity.name in recording.tracks
             ),
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),

@@ -85,7 +85,7 @@ class Verdict:
         """`FAILED` with a failure, else `PASSED` with all evidence and no cause against it, else `INCONCLUSIVE`."""
         if self.failures:
             return FAILED
-        earned = bool(self.evidence) and all(each.enough for each in self.evidence)
+        earned = bool(self.evidence) and all(row.enough for row in self.evidence)
         return PASSED if earned and not self.causes else INCONCLUSIVE
 
     @property

@@ -254,7 +254,9 @@ class RunSettings:
             name: tuple(value) if isinstance(value, list) else value
             for name, value in values_of(file, known, "").items()
         }
-        limits = tuple(each for each in values.get("fail_if", ()) if each.strip() != NEW_FAILURE)
+        limits = tuple(
+            criterion for criterion in values.get("fail_if", ()) if criterion.strip() != NEW_FAILURE
+        )
         values |= {"fail_if": limits, **changes}
         return cls(**values)
 
@@ -265,7 +267,7 @@ class RunSettings:
         Raises:
             UsageError: a change is of no setting, or a value is out of its range.
         """
-        known = [each.name for each in fields(cls)]
+        known = [field.name for field in fields(cls)]
         for name in changes:
             if name not in known:
                 raise UsageError(f"there is no setting {name!r}; {nearest(name, known)}")
@@ -300,7 +302,7 @@ class RunSettings:
         """The values by name, as JSON has them; a system under test by its name."""
         from runner.systems import system_name
 
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {
             name: list(getattr(self, name))
             for name in ("fail_if", "least", "road_path", "catalog_path")

@@ -58,7 +58,11 @@ def results_of_criteria(
     """Results of the scenario's criteria for its ego and all others that it calls so."""
     if not criteria:
         return ()
-    egos = [each.name for each in scenario.entities.values() if each is ego or is_called_ego(each)]
+    egos = [
+        entity.name
+        for entity in scenario.entities.values()
+        if entity is ego or is_called_ego(entity)
+    ]
     lights = light_states(scenario.signals.history)
     return judge_criteria(criteria, egos, recording, contacts.history, lights)
 
@@ -66,7 +70,9 @@ def results_of_criteria(
 def criteria_remarks(criteria: Sequence[Criterion]) -> tuple[str, ...]:
     """Return the remarks on criteria whose parameters have no meaning."""
     return tuple(
-        f"{each.name}: {each.remark}" for each in criteria if each.kind is not None and each.remark
+        f"{criterion.name}: {criterion.remark}"
+        for criterion in criteria
+        if criterion.kind is not None and criterion.remark
     )
 
 
@@ -77,7 +83,7 @@ def red_light_remarks(
     if ego is None or not scenario.signals.history:
         return
     kind = kinds()["runningredlighttest"]
-    if any(each.kind is kind for each in criteria):
+    if any(criterion.kind is kind for criterion in criteria):
         return
     criterion = Criterion(kind.name, kind, {}, 0.0, "")
     (found,) = judge_criteria(

@@ -197,10 +197,10 @@ def class_origin(sut: str) -> ClassOrigin:
     return ClassOrigin(package, origin, folders, tuple(imports))
 
 
-_INSTALLED = tuple({os.path.realpath(each) for each in (sys.prefix, sys.base_prefix)})
+_INSTALLED = tuple({os.path.realpath(prefix) for prefix in (sys.prefix, sys.base_prefix)})
 _SOURCE = os.path.realpath(Path(__file__).parents[2])
 _OUR_PACKAGES = tuple(
-    os.path.join(_SOURCE, each, "") for each in ("schemas", "xosc", "xodr", "runner")
+    os.path.join(_SOURCE, package, "") for package in ("schemas", "xosc", "xodr", "runner")
 )
 
 

@@ -78,14 +78,17 @@ class BatchParticipants:
         for name in Participant._fields:
             values: Any = getattr(self, name)
             if name in _TUPLES:
-                parts = zip(*(each.ravel().tolist() for each in values), strict=True)
+                parts = zip(*(column.ravel().tolist() for column in values), strict=True)
                 columns.append(list(map(_TUPLES[name]._make, parts)))
             else:  # objects stay as they are
                 flat = values.ravel()
                 columns.append(list(flat) if name in _OBJECTS else flat.tolist())
         everyone = map(Participant._make, zip(*columns, strict=True))
         present = self.present.ravel().tolist()
-        return [each if there else None for each, there in zip(everyone, present, strict=True)]
+        return [
+            participant if there else None
+            for participant, there in zip(everyone, present, strict=True)
+        ]
 
     def take(self, runs: Any) -> BatchParticipants:
         """The same of some of the runs: their places (m,), or a mask (n,)."""
@@ -96,12 +99,12 @@ class BatchParticipants:
         return BatchParticipants(*(_taken(getattr(self, name), number) for name in _FIELDS))
 
 
-_FIELDS = tuple(each.name for each in fields(BatchParticipants))
+_FIELDS = tuple(field.name for field in fields(BatchParticipants))
 
 
 def _taken(values: Any, at: Any) -> Any:
     if isinstance(values, tuple):
-        return type(values)(*(each[at] for each in values))
+        return type(values)(*(column[at] for column in values))
     return values[at]
 
 
@@ -179,10 +182,10 @@ class BatchObservation(NamedTuple):
     def take(self, places: Any) -> BatchObservation:
         """The observations of some of the runs: their places (m,), or a mask (n,)."""
         parts: Any = (
-            each.take(places)
-            if isinstance(each, BatchParticipants)
-            else _taken(each, (..., places))
-            for each in self
+            column.take(places)
+            if isinstance(column, BatchParticipants)
+            else _taken(column, (..., places))
+            for column in self
         )
         return BatchObservation(*parts)
 
@@ -195,25 +198,25 @@ def stack(observations: Sequence[Observation]) -> BatchObservation:
     """
     if not observations:
         raise ValueError("no observations to stack")
-    n, p = len(observations), max(len(each.others) for each in observations)
+    n, p = len(observations), max(len(observation.others) for observation in observations)
     others = [
-        each.others[place] if place < len(each.others) else None
+        observation.others[place] if place < len(observation.others) else None
         for place in range(p)
-        for each in observations
+        for observation in observations
     ]
-    lines = [each.stop_line or StopLine("", np.inf) for each in observations]
+    lines = [observation.stop_line or StopLine("", np.inf) for observation in observations]
     distances: Any = np.array([line.distance for line in lines], float)
     signals: Any = objects([line.signal for line in lines])
     return BatchObservation(
         np.arange(n),
-        np.array([each.time for each in observations], float),
-        stack_participants([each.ego for each in observations]),
+        np.array([observation.time for observation in observations], float),
+        stack_participants([observation.ego for observation in observations]),
         stack_participants(others, (p, n)),
-        np.array([each.target_speed for each in observations], float),
-        objects([each.network for each in observations]),
-        objects([each.environment for each in observations]),
+        np.array([observation.target_speed for observation in observations], float),
+        objects([observation.network for observation in observations]),
+        objects([observation.environment for observation in observations]),
         StopLine(signals, distances),
-        objects([each.signals for each in observations]),
+        objects([observation.signals for observation in observations]),
     )
 
 
@@ -222,7 +225,7 @@ def stack_participants(
 ) -> BatchParticipants:
     """Participants as arrays of a shape, (n,) where none is given; None where one is absent."""
     shape = shape or (len(participants),)
-    everyone = [_ABSENT if each is None else each for each in participants]
+    everyone = [_ABSENT if participant is None else participant for participant in participants]
     columns = list(zip(*everyone, strict=True)) or [()] * len(Participant._fields)
     values: dict[str, Any] = {}
     for name, column in zip(Participant._fields, columns, strict=True):
@@ -233,7 +236,9 @@ def stack_participants(
             values[name] = objects(column).reshape(shape)
         else:
             values[name] = np.array(column, float).reshape(shape)
-    present = np.array([each is not None for each in participants], bool).reshape(shape)
+    present = np.array([participant is not None for participant in participants], bool).reshape(
+        shape
+    )
     return BatchParticipants(**values, present=present)
 
 
@@ -301,16 +306,16 @@ class Answers(NamedTuple):
     @classmethod
     def of(cls, controls: Sequence[Control | None]) -> Answers:
         """The answers of as many runs; None where there is none."""
-        left = [Control() if each is None else each for each in controls]
-        acceleration, accelerates = _column([each.acceleration for each in left])
-        steering, steers = _column([each.steering for each in left])
-        unanswered = np.array([each is None for each in controls], bool)
+        left = [Control() if control is None else control for control in controls]
+        acceleration, accelerates = _column([control.acceleration for control in left])
+        steering, steers = _column([control.steering for control in left])
+        unanswered = np.array([control is None for control in controls], bool)
         return cls(acceleration, accelerates, steering, steers, unanswered)
 
 
 def _column(values: Sequence[float | None]) -> tuple[FloatArray, BoolArray]:
-    numbers = np.array([0.0 if each is None else each for each in values], float)
-    return numbers, np.array([each is not None for each in values], bool)
+    numbers = np.array([0.0 if value is None else value for value in values], float)
+    return numbers, np.array([value is not None for value in values], bool)
 
 
 def checked(control: object, n: int) -> Answers:

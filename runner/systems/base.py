@@ -334,7 +334,7 @@ def _declared(factory: Callable[..., Any]) -> dict[str, inspect.Parameter]:
     except (TypeError, ValueError):
         return {}
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {each.name: each for each in parameters if each.kind in named}
+    return {parameter.name: parameter for parameter in parameters if parameter.kind in named}
 
 
 def _kind(parameter: inspect.Parameter) -> str:

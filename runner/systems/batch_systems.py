@@ -104,7 +104,7 @@ class _OneByOne(BatchSystem):
     def control(self, observations: BatchObservation, dt: float) -> Answers:
         """The answers of the instances."""
         seen = zip(observations.run.tolist(), observations.observations(), strict=True)
-        return Answers.of([self._ask(run, each, dt) for run, each in seen])
+        return Answers.of([self._ask(run, observation, dt) for run, observation in seen])
 
     def _ask(self, run: int, observation: Observation, dt: float) -> Control | None:
         system = self._systems.get(run)
@@ -191,7 +191,7 @@ def decides_together(kind: type) -> bool:
     by another law in a batch.
     """
     depth = {
-        name: next((i for i, each in enumerate(kind.__mro__) if name in vars(each)), None)
+        name: next((i for i, base in enumerate(kind.__mro__) if name in vars(base)), None)
         for name in ("control", "control_batch", "reset", "reset_batch")
     }
     batch, begins = depth["control_batch"], depth["reset_batch"]

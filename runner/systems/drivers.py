@@ -127,7 +127,8 @@ def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
         if actor is ego and isinstance(action, AssignControllerAction)
     ]
     external = any(
-        module_of(each) == EXTERNAL for each in (*assigned, *ego.declared.controllers.values())
+        module_of(controller) == EXTERNAL
+        for controller in (*assigned, *ego.declared.controllers.values())
     )
     return CRUISE if external and not scripted_at_start(scenario, ego) else None
 
@@ -431,7 +432,7 @@ class BatchSystemDriver(RunRows):
 
     def _observations(self, run: BatchRun, ego: EntityRows, rows: IntArray) -> BatchObservation:
         n = run.n
-        others = [each for each in run.entities.values() if each is not ego]
+        others = [entity for entity in run.entities.values() if entity is not ego]
         if not self._constant:
             nobody: Any = objects([""] * n)
             self._constant = {
@@ -466,7 +467,7 @@ _MOVING = (
 def _state(rows: Sequence[EntityRows], shape: tuple[int, ...]) -> dict[str, Any]:
     """Fields of participants that change from step to step."""
     return {
-        name: np.array([getattr(each, name) for each in rows]).reshape(shape)
+        name: np.array([getattr(row, name) for row in rows]).reshape(shape)
         if shape
         else getattr(rows[0], name)
         for name in _MOVING
@@ -475,7 +476,7 @@ def _state(rows: Sequence[EntityRows], shape: tuple[int, ...]) -> dict[str, Any]
 
 def _constants(rows: Sequence[EntityRows], n: int, shape: tuple[int, ...]) -> dict[str, Any]:
     """Fields of participants that stay, for n runs."""
-    people = [seen(each.entity) for each in rows]
+    people = [seen(row.entity) for row in rows]
     shape = (*shape, n)
 
     def spread(values: Sequence[Any], kind: Any = float) -> Any:
@@ -483,13 +484,13 @@ def _constants(rows: Sequence[EntityRows], n: int, shape: tuple[int, ...]) -> di
         return np.broadcast_to(column.reshape(-1, 1) if len(shape) > 1 else column, shape)
 
     found: dict[str, Any] = {
-        name: spread([getattr(each, name) for each in people], object)
+        name: spread([getattr(participant, name) for participant in people], object)
         for name in ("name", "kind", "category", "lights", "overrides")
     }
     for name in ("front_axle", "max_steering", "mass"):
-        found[name] = spread([getattr(each, name) for each in people])
+        found[name] = spread([getattr(participant, name) for participant in people])
     for name, kind in (("box", BoundingBox), ("performance", Performance)):
-        columns = list(zip(*(getattr(each, name) for each in people), strict=True))
+        columns = list(zip(*(getattr(participant, name) for participant in people), strict=True))
         found[name] = (
             kind(*(spread(column) for column in columns))
             if people

@@ -293,8 +293,8 @@ def _data(
         "columns": [column.title for column in protocol.columns],
         "tests": [_summary(total) for total in totals],
         "absent": [
-            {"name": each.name, "points": each.points, "reason": each.reason}
-            for each in protocol.absent
+            {"name": absence.name, "points": absence.points, "reason": absence.reason}
+            for absence in protocol.absent
         ],
         "rows": [
             {

@@ -280,7 +280,7 @@ def causes(files: Sequence[TriagedFile]) -> list[tuple[str, list[TriagedFile]]]:
     found: dict[str, list[TriagedFile]] = {}
     for file in files:
         found.setdefault(file.cause, []).append(file)
-    return sorted(found.items(), key=lambda each: (-len(each[1]), each[0]))
+    return sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))
 
 
 def text(files: Sequence[TriagedFile]) -> str:

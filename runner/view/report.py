@@ -111,7 +111,7 @@ def _evidence(
         for name, value in run.get("evidence") or ():
             counted.setdefault(name, []).append(value)
     found = []
-    for row in (each for each in ROWS.values() if each.name in counted):
+    for row in (row for row in ROWS.values() if row.name in counted):
         values, least = counted[row.name], chosen.get(row.name, row.least)
         found.append(
             {
@@ -130,9 +130,14 @@ def _evidence(
 def _measures() -> dict[str, dict[str, Any]]:
     """The measures of reports: label, unit, end of the axis, and the word for values beyond."""
     return {
-        name: {"label": each.label, "unit": each.unit, "most": each.most, "beyond": each.beyond}
-        for name, each in measures().items()
-        if each.most is not None
+        name: {
+            "label": measure.label,
+            "unit": measure.unit,
+            "most": measure.most,
+            "beyond": measure.beyond,
+        }
+        for name, measure in measures().items()
+        if measure.most is not None
     }
 
 
@@ -393,7 +398,7 @@ def _titles(batches: Sequence[Path]) -> list[str]:
 def _version(batch: Path, title: str, folder: Path) -> dict[str, Any]:
     """Title, system under test, version of the toolchain, and link to the report of a batch."""
     settings = journal.settings(batch)
-    results = (each / RESULT for each in sorted(batch.iterdir()) if (each / RESULT).is_file())
+    results = (folder / RESULT for folder in sorted(batch.iterdir()) if (folder / RESULT).is_file())
     try:
         tool = str(read_object(next(results)).get("version", ""))
     except (StopIteration, InvalidFile):

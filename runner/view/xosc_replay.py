@@ -99,16 +99,16 @@ def xosc_replay(
             raise UsageError(f"a replay shows one run or two, not {len(folders)}")
         if out is not None and out.suffix.lower() not in _SUFFIXES:
             raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
-        for each in folders:
-            if each.is_file() and not is_trace(each):
+        for folder in folders:
+            if folder.is_file() and not is_trace(folder):
                 raise InvalidFile(
                     "a folder of results is expected, as xosc-run --out writes it, or an OSI trace",
-                    path=each,
+                    path=folder,
                 )
         with limited():
             results = [
-                load_trace(each, road) if is_trace(each) else load_run(each, road)
-                for each in folders
+                load_trace(folder, road) if is_trace(folder) else load_run(folder, road)
+                for folder in folders
             ]
             made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
     for path in made if not quiet else ():

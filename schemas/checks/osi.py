@@ -118,11 +118,11 @@ class _Ids:
 @cache
 def all_osi_rules() -> tuple[OsiRule, ...]:
     """Every rule for traces, by uid."""
-    found = {each.rule.uid: each.rule for rules in _rules().values() for each in rules}
+    found = {check.rule.uid: check.rule for rules in _rules().values() for check in rules}
     own = [OsiRule(f"{_OWN}:{name}", level, text) for name, (level, text) in REQUIREMENTS.items()]
     formats = [OsiRule(f"{_FORMAT}.{name}", "error", text) for name, text in _FORMATS.items()]
     readable = OsiRule(READABLE, "error", "The messages of a trace can be read.")
-    return tuple(sorted([*found.values(), *own, *formats, readable], key=lambda each: each.uid))
+    return tuple(sorted([*found.values(), *own, *formats, readable], key=lambda rule: rule.uid))
 
 
 @cache
@@ -130,7 +130,7 @@ def _rules() -> dict[str, tuple[_FieldRule, ...]]:
     """The rules of fields by the full name of their message."""
     return {
         f"osi3.{message}": tuple(
-            each for field, text in fields.items() for each in _of_field(message, field, text)
+            check for field, text in fields.items() for check in _of_field(message, field, text)
         )
         for message, fields in _FIELDS.items()
     }
@@ -226,8 +226,8 @@ def _refers(kind: str) -> Callable[[Any, str, _Ids], str | None]:
         values = getattr(message, field)
         if not isinstance(values, tuple | list) and not hasattr(values, "__len__"):
             values = [values] if message.HasField(field) else []
-        for each in values:
-            number = each.value
+        for value in values:
+            number = value.value
             found = (
                 ids.here[number].DESCRIPTOR.name if number in ids.here else ids.known.get(number)
             )
@@ -278,7 +278,7 @@ def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str
             yield frame.number, rule, f"{where}: {text}" if where else text
         for name, text in requirements.of(frame.truth):
             yield frame.number, OsiRule(f"{_OWN}:{name}", *REQUIREMENTS[name]), text
-        ids.known |= {number: each.DESCRIPTOR.name for number, each in ids.here.items()}
+        ids.known |= {number: message.DESCRIPTOR.name for number, message in ids.here.items()}
 
 
 class _Found:
@@ -299,7 +299,7 @@ class _Found:
         counts: dict[str, int] = {}
         made = []
         for (rule, text), places in sorted(
-            self._places.items(), key=lambda each: (each[0][0].uid, each[1])
+            self._places.items(), key=lambda place: (place[0][0].uid, place[1])
         ):
             counts[rule.uid] = counts.get(rule.uid, 0) + 1
             if counts[rule.uid] > MOST:
@@ -318,9 +318,9 @@ def _collect(message: Any, here: dict[int, Any]) -> None:
     """The things of a message by their ids; of several with one id the first."""
     for field, values in message.ListFields():
         if field.message_type is not None and _is_repeated(field):
-            for each in values:
-                if "id" in each.DESCRIPTOR.fields_by_name and each.HasField("id"):
-                    here.setdefault(each.id.value, each)
+            for item in values:
+                if "id" in item.DESCRIPTOR.fields_by_name and item.HasField("id"):
+                    here.setdefault(item.id.value, item)
 
 
 def _is_repeated(field: Any) -> bool:
@@ -340,7 +340,7 @@ def _has_rules(descriptor: Any, seen: set[str]) -> bool:
         return True
     seen.add(descriptor.full_name)
     inner = [field.message_type for field in descriptor.fields if field.message_type is not None]
-    return any(_has_rules(each, seen) for each in inner if each.full_name not in seen)
+    return any(_has_rules(message, seen) for message in inner if message.full_name not in seen)
 
 
 def _walk(message: Any, where: str, ids: _Ids) -> Iterator[tuple[str, OsiRule, str]]:
@@ -352,11 +352,11 @@ def _walk(message: Any, where: str, ids: _Ids) -> Iterator[tuple[str, OsiRule, s
     for field, value in message.ListFields():
         if field.message_type is None or not _concerned(field.message_type):
             continue
-        for each in value if _is_repeated(field) else (value,):
-            named = "id" in each.DESCRIPTOR.fields_by_name and each.HasField("id")
-            name = f"{field.name} {each.id.value}" if named else field.name
+        for item in value if _is_repeated(field) else (value,):
+            named = "id" in item.DESCRIPTOR.fields_by_name and item.HasField("id")
+            name = f"{field.name} {item.id.value}" if named else field.name
             yield from _walk(
-                each,
+                item,
                 f"{where}, {name}" if where and named else f"{where}.{name}" if where else name,
                 ids,
             )
@@ -463,15 +463,15 @@ class Requirements:
         if self._before is not None and now <= self._before:
             yield "timestamp.ascends", "the timestamp does not ascend"
         self._before = now
-        self._lanes |= {each.id.value: each.classification for each in truth.lane}
-        self._boundaries |= {each.id.value for each in truth.lane_boundary}
-        for each in truth.stationary_object:
-            name = f"stationary_object {each.id.value}"
-            yield from _base(each.base, _MOVING[:3], name)
-            if not each.classification.type:
+        self._lanes |= {lane.id.value: lane.classification for lane in truth.lane}
+        self._boundaries |= {boundary.id.value for boundary in truth.lane_boundary}
+        for body in truth.stationary_object:
+            name = f"stationary_object {body.id.value}"
+            yield from _base(body.base, _MOVING[:3], name)
+            if not body.classification.type:
                 yield "object.type_is_known", f"{name}: the type is unknown"
-        for each in truth.moving_object:
-            yield from self._moving(each)
+        for body in truth.moving_object:
+            yield from self._moving(body)
         yield from self._roads(truth)
 
     def _moving(self, each: Any) -> Iterator[Finding]:
@@ -498,8 +498,8 @@ class Requirements:
 
     def _roads(self, truth: Any) -> Iterator[Finding]:
         used: set[int] = set()
-        for each in truth.lane:
-            lane, name = each.classification, f"lane {each.id.value}"
+        for message in truth.lane:
+            lane, name = message.classification, f"lane {message.id.value}"
             yield from _lane(lane, name)
             beside = (*lane.left_adjacent_lane_id, *lane.right_adjacent_lane_id)
             sides = (
@@ -513,11 +513,14 @@ class Requirements:
             for number in (one.value for one in sides if one.value not in self._boundaries):
                 yield "lane.references", f"{name}: the boundary {number} is not in the trace"
             yield from self._joined(lane, name)
-        for each in truth.lane_boundary:
-            yield from _boundary(each)
-            if each.id.value not in used:
-                yield "lane_boundary.is_complete", f"lane_boundary {each.id.value}: no lane has it"
-        marked = {each.id.value for each in truth.lane if each.classification.is_host_vehicle_lane}
+        for boundary in truth.lane_boundary:
+            yield from _boundary(boundary)
+            if boundary.id.value not in used:
+                yield (
+                    "lane_boundary.is_complete",
+                    f"lane_boundary {boundary.id.value}: no lane has it",
+                )
+        marked = {lane.id.value for lane in truth.lane if lane.classification.is_host_vehicle_lane}
         host = {
             one.value
             for vehicle in truth.moving_object

@@ -117,7 +117,7 @@ def all_rules() -> tuple[RegisteredRule, ...]:
     import_module("schemas.checks.structure")
     for package in _PACKAGES:
         packages.load(package)
-    return tuple(sorted(_rules.values(), key=lambda each: (not each.precondition, each.uid)))
+    return tuple(sorted(_rules.values(), key=lambda rule: (not rule.precondition, rule.uid)))
 
 
 # findings that several rules share --------------------------------------------------------------

@@ -96,11 +96,11 @@ def junit(results: Results) -> str:
             failure = etree.SubElement(
                 case, "failure", {"type": errors[0].rule, "message": xml_text(message)}
             )
-            failure.text = xml_text("\n".join(one_line(str(each)) for each in errors))
+            failure.text = xml_text("\n".join(one_line(str(error)) for error in errors))
         others = [problem for problem in problems if problem.level != "error"]
         if others:
             etree.SubElement(case, "system-out").text = xml_text(
-                "\n".join(one_line(str(each)) for each in others)
+                "\n".join(one_line(str(finding)) for finding in others)
             )
     return _serialised(root)
 

@@ -116,9 +116,9 @@ _OF_ROADS = {
     ),
     **{f"lanes/laneSection/{side}": _element("lane") for side in ("left", "center", "right")},
     **{
-        _LANES.format(side) + path: each
+        _LANES.format(side) + path: declared
         for side in ("left", "center", "right")
-        for path, each in _LANE.items()
+        for path, declared in _LANE.items()
     },
     "objects": _element("bridge object objectReference tunnel"),
     "objects/object": _element(
@@ -155,7 +155,7 @@ _TABLE = {
         "", "from:integer! to:integer! fromLayer:layer toLayer:layer"
     ),
     "junction/controller": _element("", "id:text!"),
-    **{f"road/{path}".rstrip("/"): each for path, each in _OF_ROADS.items()},
+    **{f"road/{path}".rstrip("/"): declared for path, declared in _OF_ROADS.items()},
 }
 
 
@@ -234,7 +234,7 @@ def _described(root: etree._Element) -> Iterator[tuple[etree._Element, str, _Ele
         known = (
             children
             if declared.children is None
-            else [each for each in children if each[1] in declared.children]
+            else [child for child in children if child[1] in declared.children]
         )
         pending += [(child, f"{path}/{name}".lstrip("/")) for child, name in reversed(known)]
 

@@ -136,5 +136,5 @@ def first(folders: Iterable[Path], name: str) -> Path | None:
 def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:
     """Yield the paths that may be meant by a file name, in order of preference."""
     stem = name.removesuffix(_SUFFIX)
-    names = [each for each in dict.fromkeys((name, stem + _SUFFIX, stem)) if each]
-    yield from (folder / each for folder in folders for each in names)
+    names = [text for text in dict.fromkeys((name, stem + _SUFFIX, stem)) if text]
+    yield from (folder / name for folder in folders for name in names)

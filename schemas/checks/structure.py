@@ -140,8 +140,8 @@ UNIQUE_NAMES_UID = "asam.net:xosc:1.2.0:reference_control.unique_element_names_o
 def names_are_unique(document: CheckedDocument) -> Iterator[Finding]:
     """Element names shall be unique among the elements that one element directly encloses."""
     return (
-        Finding(*each)
-        for each in doubled((element, name) for element, _, name in document.values("name"))
+        Finding(*duplicate)
+        for duplicate in doubled((element, name) for element, _, name in document.values("name"))
     )
 
 

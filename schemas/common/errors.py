@@ -223,7 +223,7 @@ def _lacks_memory(error: Exception) -> bool:
 
 def similar(name: str, names: Iterable[str]) -> str:
     """Return the question for the most similar of `names`; empty where none is."""
-    names = [each for each in names if each]
+    names = [name for name in names if name]
     found = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
     return f"did you mean {found[0]!r}?" if found else ""
 
@@ -236,7 +236,7 @@ def guess(name: str, names: Iterable[str]) -> str:
 
 def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
-    names = [each for each in names if each]
+    names = [name for name in names if name]
     return similar(name, names) or (
         f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}"
         if names

@@ -337,7 +337,9 @@ def from_working_folder(module: str) -> Iterator[None]:
 def _finder(folder: str) -> _WorkingFolder:
     """The finder of a folder, which is put in place."""
     known = (
-        each for each in sys.meta_path if isinstance(each, _WorkingFolder) and each.folder == folder
+        finder
+        for finder in sys.meta_path
+        if isinstance(finder, _WorkingFolder) and finder.folder == folder
     )
     finder = next(known, None)
     if finder is None:

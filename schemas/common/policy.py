@@ -270,7 +270,7 @@ def of_command(
         UsageError: --untrusted, and a symbolic link leads out of the folder that holds it, or
             Python imports from there.
     """
-    sources, targets = [Path(each) for each in inputs], [Path(each) for each in outputs]
+    sources, targets = [Path(path) for path in inputs], [Path(path) for path in outputs]
     if limits.untrusted:
         for path in (*sources, *targets):
             _refuse_links(path)
@@ -278,7 +278,7 @@ def of_command(
             _refuse_links_in(path)
     named = tuple(dict.fromkeys(map(_root, sources)))
     policy = replace(
-        limits, named=named, own=tuple(Path(os.path.realpath(each)) for each in (*own, *targets))
+        limits, named=named, own=tuple(Path(os.path.realpath(path)) for path in (*own, *targets))
     )
     if limits.untrusted:
         _refuse_imports(named)
@@ -316,12 +316,12 @@ def _refuse_links_in(folder: Path) -> None:
 
 def _refuse_imports(named: Iterable[Path]) -> None:
     """Python itself imports from the working folder where it is started as `python -m`, or PYTHONPATH says so."""
-    installed = [Path(os.path.realpath(each)) for each in (sys.prefix, sys.base_prefix)]
+    installed = [Path(os.path.realpath(prefix)) for prefix in (sys.prefix, sys.base_prefix)]
     for entry in sys.path:
         real = Path(os.path.realpath(entry or os.curdir))
         ours = (
             real == _SOURCE
-            or any(real.is_relative_to(each) for each in installed)
+            or any(real.is_relative_to(folder) for folder in installed)
             or not real.is_dir()
         )
         if not ours and any(real.is_relative_to(root) for root in named):

@@ -145,11 +145,11 @@ class Trace:
         channels = self.contents.channels
         for kind in (GROUND_TRUTH, SENSOR_VIEW):
             usable = sorted(
-                (each.topic, key)
-                for key, each in channels.items()
-                if each.schema == _PREFIX + kind
-                and each.messages
-                and each.message_encoding == "protobuf"
+                (channel.topic, key)
+                for key, channel in channels.items()
+                if channel.schema == _PREFIX + kind
+                and channel.messages
+                and channel.message_encoding == "protobuf"
             )
             if len(usable) > 1:
                 others = ", ".join(topic for topic, _ in usable[1:])
@@ -159,7 +159,7 @@ class Trace:
             if usable:
                 return usable[0][1], channels[usable[0][1]]
         there = ", ".join(
-            sorted({each.schema or each.message_encoding for each in channels.values()})
+            sorted({channel.schema or channel.message_encoding for channel in channels.values()})
         )
         what = f"; its channels have {there}" if there else ""
         raise Unsupported(
@@ -417,8 +417,8 @@ def _contents(path: Path) -> Contents:
         if isinstance(record, names.Chunk):
             chunks += 1
             found.compressions.add(record.compression)
-            for each in _unpacked(record, path):
-                take(each)
+            for inner in _unpacked(record, path):
+                take(inner)
         elif isinstance(record, names.Metadata):
             found.metadata.append((record.name, dict(record.metadata)))
         elif isinstance(record, names.Attachment):
@@ -446,11 +446,11 @@ def _messages(path: Path, channel: int) -> Iterator[tuple[bytes, int]]:
     names = optional("mcap.records")
     number = 0
     for record in _records(path):
-        for each in _unpacked(record, path) if isinstance(record, names.Chunk) else (record,):
-            if isinstance(each, names.Message) and each.channel_id == channel:
+        for inner in _unpacked(record, path) if isinstance(record, names.Chunk) else (record,):
+            if isinstance(inner, names.Message) and inner.channel_id == channel:
                 number += 1
-                _check_message(len(each.data), number, path)
-                yield each.data, each.publish_time
+                _check_message(len(inner.data), number, path)
+                yield inner.data, inner.publish_time
 
 
 def _map(body: bytes) -> Iterator[AttachedMap]:
@@ -460,9 +460,9 @@ def _map(body: bytes) -> Iterator[AttachedMap]:
     if empty is None:
         return
     values = {
-        each.field_number: each.data
-        for each in unknown.UnknownFieldSet(empty)
-        if each.wire_type == 2
+        field.field_number: field.data
+        for field in unknown.UnknownFieldSet(empty)
+        if field.wire_type == 2
     }
     if 2 in values:
         yield AttachedMap(values.get(1, b"").decode(errors="replace"), values[2], "channel")

@@ -82,7 +82,7 @@ class Schema:
             InvalidFile: the file can't be read or is no XML.
         """
         return reduce(
-            lambda tree, each: applied(each, tree),
+            lambda tree, difference: applied(difference, tree),
             self.differences,
             whole(self.path) if self.differences else parse(self.path),
         )
@@ -94,7 +94,7 @@ class Schema:
         The official schemas keep their parts in one folder, so the neighbours it includes are
         looked at as well.
         """
-        if any(each.xsd_1_1 for each in self.differences):
+        if any(difference.xsd_1_1 for difference in self.differences):
             return True
         content = self.path.read_bytes()
         names = re.findall(rb"schemaLocation=\"([^\"/\\]+)\"", content)
@@ -199,9 +199,9 @@ def _base(
         schema for (standard, version), schema in bases.items() if standard == difference.standard
     ]
     fitting = [
-        each
-        for each in found
-        if each.version[:2] == difference.base[:2] and each.version >= difference.base
+        schema
+        for schema in found
+        if schema.version[:2] == difference.base[:2] and schema.version >= difference.base
     ]
     return min(fitting, key=lambda schema: schema.version, default=None)
 

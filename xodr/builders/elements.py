@@ -297,9 +297,10 @@ class RoadMap:
             roads=tuple(_mirrored_road(road) for road in self.roads),
             junctions=tuple(
                 replace(
-                    each, connections=tuple(_mirrored_connection(one) for one in each.connections)
+                    junction,
+                    connections=tuple(_mirrored_connection(one) for one in junction.connections),
                 )
-                for each in self.junctions
+                for junction in self.junctions
             ),
         )
 
@@ -355,15 +356,15 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
         replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals
     )
     offset, moved, roll = (
-        tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in each)
-        for each in (road.offset, road.temporary_offset, road.superelevation)
+        tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in profile)
+        for profile in (road.offset, road.temporary_offset, road.superelevation)
     )
     objects = tuple(
         replace(
             o,
             t=-o.t,
             outlines=tuple(
-                tuple(corner._replace(v=-corner.v) for corner in each) for each in o.outlines
+                tuple(corner._replace(v=-corner.v) for corner in outline) for outline in o.outlines
             ),
         )
         for o in road.objects

@@ -161,14 +161,20 @@ def assumed_roads(used: Iterable[RoadUse], *, rule: str = "RHT") -> RoadMap:
         rule: RHT or LHT.
     """
     roads = []
-    for number, each in enumerate(used):
-        require("length", each.length, 0.1)
-        section = two_way(each.right, each.left, _WIDTH)
+    for number, assumed in enumerate(used):
+        require("length", assumed.length, 0.1)
+        section = two_way(assumed.right, assumed.left, _WIDTH)
         start = PlanPose(0.0, -_APART * number, 0.0)
-        name = f"assumed road {each.road_id}"
+        name = f"assumed road {assumed.road_id}"
         roads.append(
             RoadDesign(
-                each.road_id, name, start, (line(each.length),), (section,), "rural", _SPEED_LIMIT
+                assumed.road_id,
+                name,
+                start,
+                (line(assumed.length),),
+                (section,),
+                "rural",
+                _SPEED_LIMIT,
             )
         )
     return for_traffic(RoadMap("Assumed roads", tuple(roads)), rule)

@@ -364,8 +364,8 @@ def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:
         marks.append((_MARKS_OF.get(text, "none"), "standard", None))
     road_type = next((_ROAD_TYPES[kind] for kind in one.types if kind in _ROAD_TYPES), "unknown")
     beside = [
-        (each.id, each.same_direction) if each is not None else None
-        for each in (one.beside_left, one.beside_right)
+        (neighbour.id, neighbour.same_direction) if neighbour is not None else None
+        for neighbour in (one.beside_left, one.beside_right)
     ]
     left, right = (
         _with_heights(line, element, tag)

@@ -114,8 +114,8 @@ def _take(
 ) -> None:
     if about["kind"] == "lane":
         sides = tuple(
-            (each[0], each[1]) if each is not None else None
-            for each in (about["left"], about["right"])
+            (neighbour[0], neighbour[1]) if neighbour is not None else None
+            for neighbour in (about["left"], about["right"])
         )
         empty = np.zeros((0, 3))
         made.lanes[about["id"]] = MapLane(

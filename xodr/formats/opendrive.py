@@ -173,7 +173,7 @@ def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:
     for name, lane in lane_map.lanes.items():
         if name not in short | gone:
             following = list(dict.fromkeys(_following(lane_map.lanes, lane, short, gone, 4)))
-            kept[name] = replace(lane, successors=[each for each in following if each != name])
+            kept[name] = replace(lane, successors=[other for other in following if other != name])
     return kept, notes
 
 

@@ -45,8 +45,8 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     root = parse(net.path).getroot()
     notes = [note for note in (georeference(root, network),) if note is not None]
     lift(root, net, network)
-    for element in [each for each in root if DOCK in (each.get("id", ""), each.get("from", ""), each.get("to", ""))
-                    or each.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
+    for element in [element for element in root if DOCK in (element.get("id", ""), element.get("from", ""), element.get("to", ""))
+                    or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
         root.remove(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
 
@@ -158,20 +158,20 @@ def _type(lane: etree._Element, edge: etree._Element) -> str:
         return named
     allowed = (lane.get("allow") or "").split()
     if allowed and "passenger" not in allowed:
-        return next((_TYPES[each] for each in allowed if each in _TYPES), "restricted")
+        return next((_TYPES[user] for user in allowed if user in _TYPES), "restricted")
     return "none" if lane.get("disallow") == "all" else "driving"
 
 
 def _connect(root: etree._Element, lanes: dict[str, MapLane]) -> list[MapSignal]:
     """Link the lanes; the lights at connections, one for each light and lane."""
     held: dict[str, dict[str, None]] = {}
-    for each in root.iterchildren("connection"):
-        source = f"{each.get('from')}_{each.get('fromLane')}"
-        target = each.get("via") or f"{each.get('to')}_{each.get('toLane')}"
+    for connection in root.iterchildren("connection"):
+        source = f"{connection.get('from')}_{connection.get('fromLane')}"
+        target = connection.get("via") or f"{connection.get('to')}_{connection.get('toLane')}"
         if source in lanes and target in lanes and target not in lanes[source].successors:
             lanes[source].successors.append(target)
-        if each.get("tl") and source in lanes and not source.startswith(":"):
-            held.setdefault(str(each.get("tl")), {})[source] = None
+        if connection.get("tl") and source in lanes and not source.startswith(":"):
+            held.setdefault(str(connection.get("tl")), {})[source] = None
     signals = []
     for light, names in held.items():
         end = lanes[next(iter(names))].right[-1]

@@ -126,7 +126,8 @@ class LanePlan:
         """Cost of beginning a leg, or another way in its place, in a lane; infinite where that leads nowhere."""
         if way is not None and way in self.parallel:
             return min(
-                (self.cost(leg + 1, each) for each in self._through(way, lane)), default=math.inf
+                (self.cost(leg + 1, following) for following in self._through(way, lane)),
+                default=math.inf,
             )
         index = self._first.get(leg)
         return self._begins[index].get(lane, math.inf) if index is not None else math.inf
@@ -165,10 +166,10 @@ class LanePlan:
                 found.append(asked)
             if index + 1 == len(self._cells):
                 break
-            onwards = [(index + 1, each) for each in self._next(index, lane)]
-            for way, each, number in self._beside(index, lane):
+            onwards = [(index + 1, following) for following in self._next(index, lane)]
+            for way, other, number in self._beside(index, lane):
                 onwards += [
-                    (self._first[number + 1], reached) for reached in self._through(way, each)
+                    (self._first[number + 1], reached) for reached in self._through(way, other)
                 ]
             if not onwards:
                 break
@@ -181,14 +182,21 @@ class LanePlan:
         for number, leg in enumerate(self._legs):
             road = self._ways.roads[leg.road_id]
             low, high = sorted((leg.enter, leg.leave))
-            here = [each for each in checkpoints if each.leg == number]
+            here = [checkpoint for checkpoint in checkpoints if checkpoint.leg == number]
             borders = {section.s for section in road.sections if low < section.s < high}
-            stops = sorted({*borders, *(each.s for each in here if low < each.s < high), low, high})
+            stops = sorted(
+                {
+                    *borders,
+                    *(checkpoint.s for checkpoint in here if low < checkpoint.s < high),
+                    low,
+                    high,
+                }
+            )
             if not leg.forward:
                 stops.reverse()
             ends = stops[1:] or stops
             for begin, end in zip(stops, ends, strict=False):
-                at = next((each for each in here if each.s == end), None)
+                at = next((checkpoint for checkpoint in here if checkpoint.s == end), None)
                 yield LaneCell(number, road.section(0.5 * (begin + end)), begin, end, at)
 
     def _drivable(self, cell: LaneCell) -> frozenset[int]:
@@ -224,8 +232,8 @@ class LanePlan:
         if index + 1 == len(self._cells):
             return missed
         begins = self._begins[index + 1]
-        costs = [begins.get(each, math.inf) for each in self._next(index, lane)]
-        costs += [self.cost(leg, each, way) for way, each, leg in self._beside(index, lane)]
+        costs = [begins.get(following, math.inf) for following in self._next(index, lane)]
+        costs += [self.cost(leg, other, way) for way, other, leg in self._beside(index, lane)]
         return missed + min(costs, default=math.inf)
 
     def _beside(self, index: int, lane: int) -> Iterator[tuple[Way, int, int]]:

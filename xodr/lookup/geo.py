@@ -51,9 +51,9 @@ def without_files(projection: str, path: Path) -> str:
     if numbered:
         return f"{numbered[1].upper()}:{numbered[2]}"
     if projection.lstrip().startswith("+"):
-        names = {each: each.lstrip("+").partition("=")[0] for each in projection.split()}
+        names = {term: term.lstrip("+").partition("=")[0] for term in projection.split()}
         projection = " ".join(
-            each for each in names if names[each] not in _OF_HEIGHTS and each != "+nadgrids=@null"
+            term for term in names if names[term] not in _OF_HEIGHTS and term != "+nadgrids=@null"
         )
     named = _READS_FILES.search(projection)
     if named:

@@ -120,7 +120,7 @@ def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:
     if lane.heights:
         towards = _INSIDE if lane.id > 0 else -_INSIDE
         aside = [(inner + towards, outer - towards) for inner, outer in aside]
-    inner, outer = (sample(road, along, [each[side] for each in aside]) for side in (0, 1))
+    inner, outer = (sample(road, along, [pair[side] for pair in aside]) for side in (0, 1))
     return inner, outer
 
 

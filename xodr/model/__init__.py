@@ -438,16 +438,16 @@ def in_force(
 ) -> list[LaneSection]:
     """The lane sections in force on a road: temporary lanes where there are some, with links to the lanes around them."""
     stretches = [
-        TemporaryStretch(each.section, *(_snapped(permanent, end) for end in each[1:]))
-        for each in temporary
+        TemporaryStretch(stretch.section, *(_snapped(permanent, end) for end in stretch[1:]))
+        for stretch in temporary
     ]
-    starts = {_snapped(permanent, each.section.s) for each in stretches}
+    starts = {_snapped(permanent, stretch.section.s) for stretch in stretches}
     borders = sorted(
         {
             permanent[0].s,
             permanent[-1].end,
             *starts,
-            *(end for each in stretches for end in each[1:]),
+            *(end for stretch in stretches for end in stretch[1:]),
         }
     )
     pieces = [
@@ -467,7 +467,8 @@ def in_force(
 
 def _snapped(permanent: Sequence[LaneSection], s: float) -> float:
     border = min(
-        (permanent[0].s, *(section.end for section in permanent)), key=lambda each: abs(each - s)
+        (permanent[0].s, *(section.end for section in permanent)),
+        key=lambda border: abs(border - s),
     )
     return border if abs(border - s) <= NEAR else s
 
@@ -480,15 +481,15 @@ def _pieces(
 ) -> Iterator[_Piece]:
     """The sections in force between two neighbouring borders of the temporary layer."""
     holding = [
-        each.section
-        for each in temporary
-        if each.section.left and each.section.s - NEAR <= start < each.left_end
+        stretch.section
+        for stretch in temporary
+        if stretch.section.left and stretch.section.s - NEAR <= start < stretch.left_end
     ]
     left = holding[-1] if holding else None
     holding = [
-        each.section
-        for each in temporary
-        if each.section.right and each.section.s - NEAR <= start < each.right_end
+        stretch.section
+        for stretch in temporary
+        if stretch.section.right and stretch.section.s - NEAR <= start < stretch.right_end
     ]
     right = holding[-1] if holding else None
     if left and right:

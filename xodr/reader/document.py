@@ -102,8 +102,8 @@ def _repaired(root: etree._Element, path: Path) -> tuple[Remark, ...]:
 def _not_read(root: etree._Element, path: Path) -> Iterator[Remark]:
     """A remark for each kind of place with elements that no version has there; inconclusive where they may decide shapes."""
     by_place: dict[str, list[Unknown]] = {}
-    for each in unknown(root):
-        by_place.setdefault(each.parent, []).append(each)
+    for element in unknown(root):
+        by_place.setdefault(element.parent, []).append(element)
     for found in by_place.values():
         first, name = found[0].element, local_name(found[0].element)
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
@@ -187,7 +187,7 @@ def _broken_links(network: RoadNetwork, root: etree._Element) -> tuple[Remark, .
             broken.append((distance, ends))
     if not broken:
         return ()
-    distance, ends = max(broken, key=lambda each: each[0])
+    distance, ends = max(broken, key=lambda pair: pair[0])
     more = f" (and {len(broken) - 1} more links of roads that are apart)" if len(broken) > 1 else ""
     message = f"a link joins {ends}, {distance:.3g} m apart{more}; road users jump there"
     return (Remark(_TOUCH, message, str(network.path), line_of(ends.element), element="road"),)

@@ -331,7 +331,7 @@ def _repair_plan_view(root: etree._Element) -> Iterator[Repair]:
     """Give roads the length of their line, lines that of their road; leave roads out that have neither."""
     for road in root.findall("road"):
         geometries = road.findall("planView/geometry")
-        length, *lengths = (_length(each) for each in (road, *geometries))
+        length, *lengths = (_length(element) for element in (road, *geometries))
         if length <= 0.0 and sum(lengths) > 0.0:
             fault = _given(road, "length", "is no length")
             road.set("length", repr(sum(lengths)))
@@ -553,8 +553,8 @@ def repair(root: etree._Element, path: str | PathLike[str]) -> tuple[Remark, ...
     """Repair a document whose elements have names without namespaces; what was assumed, each thing once."""
     found: dict[tuple[str, str], list[Repair]] = {}
     for kind in _REPAIRS:
-        for each in kind(root):
-            found.setdefault((each.rule, each.assumption), []).append(each)
+        for fault in kind(root):
+            found.setdefault((fault.rule, fault.assumption), []).append(fault)
     return tuple(_remark(path, alike) for alike in found.values())
 
 

@@ -272,7 +272,7 @@ def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
         s = start + number(record, "sOffset", 0.0)
         named = [
             record.get("restriction"),
-            *(each.get("type") for each in record.iterfind("restriction")),
+            *(restriction.get("type") for restriction in record.iterfind("restriction")),
         ]
         before = found[s].users if s in found else ()
         users = tuple(user for user in named if user and user != "none")

@@ -279,7 +279,7 @@ def linked_layers_share_a_border(document: CheckedDocument) -> Iterator[Finding]
                 if not SAME_BORDER < border < length - SAME_BORDER:
                     continue  # lanes of another road are linked
                 others = layers.get(TEMPORARY if here.layer == PERMANENT else PERMANENT, [])
-                ends = [each.end if name == "predecessor" else each.start for each in others]
+                ends = [other.end if name == "predecessor" else other.start for other in others]
                 for link in here.element.iterfind(f"{{*}}*/{{*}}lane/{{*}}link/{{*}}{name}"):
                     across = (link.get("layer") or PERMANENT) != here.layer
                     if across and not any(abs(end - border) <= SAME_BORDER for end in ends):
@@ -299,9 +299,9 @@ def temporary_lanes_can_be_entered_and_left(document: CheckedDocument) -> Iterat
                 ("successor", section.end, False),
             ):
                 others = (
-                    each.end if at_start else each.start
-                    for each in temporary
-                    if each is not section
+                    other.end if at_start else other.start
+                    for other in temporary
+                    if other is not section
                 )
                 if not SAME_BORDER < border < length - SAME_BORDER or any(
                     abs(end - border) <= SAME_BORDER for end in others
@@ -338,7 +338,12 @@ def temporary_lanes_lie_on_the_road(document: CheckedDocument) -> Iterator[Findi
             ]
             for s in places:
                 usual = next(
-                    (each for each in layers.get(PERMANENT, []) if each.start <= s < each.end), None
+                    (
+                        section
+                        for section in layers.get(PERMANENT, [])
+                        if section.start <= s < section.end
+                    ),
+                    None,
                 )
                 if usual is None:
                     continue

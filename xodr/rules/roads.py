@@ -90,11 +90,13 @@ def _unknown_lane(
 ) -> Iterator[Finding]:
     """A link over the border of a lane section to a lane that does not begin, or end, there."""
     meeting = [
-        each
-        for each in sections
-        if abs((each.start if direction == "successor" else each.end) - border) <= SAME_BORDER
+        section
+        for section in sections
+        if abs((section.start if direction == "successor" else section.end) - border) <= SAME_BORDER
     ]
-    known = {lane.get("id") for each in meeting for lane in each.element.iterfind("{*}*/{*}lane")}
+    known = {
+        lane.get("id") for section in meeting for lane in section.element.iterfind("{*}*/{*}lane")
+    }
     if meeting and link.get("id") is not None and link.get("id") not in known:
         yield Finding(
             link, f"the {direction} {link.get('id')} is no lane of the neighbouring lane section"
@@ -375,7 +377,8 @@ def _same_polynomial(
     """Whether two records are one function of s."""
     name = "sOffset" if "sOffset" in after.attrib else "s"
     first, second = (
-        [document.number(record, each) for each in (name, *"abcd")] for record in (before, after)
+        [document.number(record, attribute) for attribute in (name, *"abcd")]
+        for record in (before, after)
     )
     if None in first or None in second:
         return False
@@ -506,7 +509,7 @@ def _gaps_of_lanes(
         ]
         if lane.get("type") not in DRIVABLE or here is None or not there:
             continue
-        places = [place for each in there for place in each]
+        places = [place for group in there for place in group]
         gap = max(min(math.dist(mine, place) for place in places) for mine in here)
         if len(there) == 1:
             gap = min(

@@ -69,8 +69,8 @@ def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[s
         for index, (section, s) in enumerate(known):
             after = (
                 other
-                for each, other in known[index + 1 :]
-                if not single_sided(section) or _same_side(section, each)
+                for sibling, other in known[index + 1 :]
+                if not single_sided(section) or _same_side(section, sibling)
             )
             end = next(after, length if length is not None else math.inf)
             own = document.number(section, "length")

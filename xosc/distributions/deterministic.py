@@ -369,12 +369,12 @@ def respelled(
 def _places(top: Node, name: str, value: str) -> list[Node]:
     """The first element that gives a parameter a value; none where that is computed, or given otherwise."""
     for holder in top.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
-        found = [each for each in holder.iter("Element") if each.get("value", "") == value]
+        found = [element for element in holder.iter("Element") if element.get("value", "") == value]
         if holder.get("parameterName", "") == name and found:
             return found[:1]
     assignments = top.iter("ParameterAssignment")
     return [
-        each
-        for each in assignments
-        if (each.get("parameterRef", ""), each.get("value", "")) == (name, value)
+        assignment
+        for assignment in assignments
+        if (assignment.get("parameterRef", ""), assignment.get("value", "")) == (name, value)
     ][:1]

@@ -89,7 +89,9 @@ class ParameterSpace:
             raise node.need("ScenarioFile").invalid(
                 f"{self.scenario} is a {scenario.kind}, a scenario is expected"
             )
-        self._declarations = {each.get("name"): each for each in _declarations(scenario)}
+        self._declarations = {
+            declaration.get("name"): declaration for declaration in _declarations(scenario)
+        }
         self._types = _types(self._declarations)
         self._places = dict(_places(node))
         for name, place in self._places.items():
@@ -109,7 +111,7 @@ class ParameterSpace:
             return set()
         definition = self.distribution.definition
         several = definition.distributions if isinstance(definition, Deterministic) else ()
-        single = {name for each in several if each.size == 1 for name in each.parameter_names}
+        single = {name for part in several if part.size == 1 for name in part.parameter_names}
         return self._places.keys() - single
 
     def variation(self, index: int) -> Variation:

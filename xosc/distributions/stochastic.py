@@ -235,11 +235,11 @@ class Histogram:
     bins: tuple[HistogramBin, ...]
 
     def __post_init__(self) -> None:
-        weights([each.weight for each in self.bins])
+        weights([bin_.weight for bin_ in self.bins])
 
     def quantile(self, probability: float) -> float:
         """The value at a cumulative probability."""
-        index, rest = _choose([each.weight for each in self.bins], probability)
+        index, rest = _choose([bin_.weight for bin_ in self.bins], probability)
         return _between(self.bins[index].range, rest)
 
     @classmethod
@@ -257,7 +257,7 @@ class Histogram:
         """The element of the distribution."""
         return element(
             "Histogram",
-            *(element("Bin", each.range.write(), weight=text(each.weight)) for each in self.bins),
+            *(element("Bin", bin_.range.write(), weight=text(bin_.weight)) for bin_ in self.bins),
         )
 
 
@@ -385,10 +385,10 @@ class Stochastic:
         """Parameters and values of a run; numbers are not yet written in their parameter's type."""
         seed = float(seed if seed is not None else self.random_seed or 0)
         return {
-            each.parameter_name: each.distribution.quantile(
-                uniform(f"{seed}/{each.parameter_name}/{index}")
+            distribution.parameter_name: distribution.distribution.quantile(
+                uniform(f"{seed}/{distribution.parameter_name}/{index}")
             )
-            for each in self.distributions
+            for distribution in self.distributions
         }
 
     @classmethod

@@ -48,7 +48,7 @@ def is_for_carla(scenario: Node) -> bool:
     """Whether a scenario is written for scenario_runner: by its flag, or by criteria in its stop triggers."""
     triggers = scenario.iter("StopTrigger")
     return is_mirrored(scenario) or any(
-        is_criterion(each) for trigger in triggers for each in trigger.iter("Condition")
+        is_criterion(condition) for trigger in triggers for condition in trigger.iter("Condition")
     )
 
 

@@ -246,7 +246,9 @@ Names = tuple[str, ...]
 def names_of(element: etree._Element) -> Names:
     """The name of a storyboard element with those around it; of any other element, those around it only."""
     around = (element, *element.iterancestors(*STORYBOARD))
-    return tuple(str(each.get("name", "")) for each in around if each.tag in STORYBOARD)[::-1]
+    return tuple(str(element.get("name", "")) for element in around if element.tag in STORYBOARD)[
+        ::-1
+    ]
 
 
 def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]]) -> Sequence[_T]:
@@ -272,9 +274,9 @@ def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]
 def meant(state: Node, scenario: Node) -> Sequence[Node]:
     """The elements that a StoryboardElementStateCondition may mean (OpenSCENARIO XML 1.3): one, as a rule."""
     kind = state.get("storyboardElementType").lower()
-    tag = next((each for each in STORYBOARD if each.lower() == kind), None)
+    tag = next((tag for tag in STORYBOARD if tag.lower() == kind), None)
     candidates = (
-        [(names_of(each.element), each) for each in scenario.iter(tag)] if tag is not None else []
+        [(names_of(node.element), node) for node in scenario.iter(tag)] if tag is not None else []
     )
     return nearest(state.get("storyboardElementRef"), names_of(state.element), candidates)
 

@@ -103,9 +103,9 @@ def concrete(
 
 def _version_of(element: etree._Element, catalogs: Mapping[str, Version], own: Version) -> Version:
     """The version in which an element was written: that of the catalogue that it came from, or the scenario's own."""
-    for each in (element, *element.iterancestors()):
-        if each.get(SOURCE):
-            return catalogs[str(each.get(SOURCE))]
+    for ancestor in (element, *element.iterancestors()):
+        if ancestor.get(SOURCE):
+            return catalogs[str(ancestor.get(SOURCE))]
     return own
 
 
@@ -187,13 +187,13 @@ def _as_comments(element: etree._Element) -> None:
     header = element.getparent()
     if header is None or header.tag != "FileHeader":
         return
-    for each in [element, *element.iterchildren(etree.Element)]:
-        parts = [f"{name}={each.get(name)!r}" for name in map(str, each.attrib)] + (
-            each.text or ""
+    for part in [element, *element.iterchildren(etree.Element)]:
+        parts = [f"{name}={part.get(name)!r}" for name in map(str, part.attrib)] + (
+            part.text or ""
         ).split()
         if parts:
             header.addprevious(
-                etree.Comment(f" {each.tag} {' '.join(parts)} ".replace("--", "- -"))
+                etree.Comment(f" {part.tag} {' '.join(parts)} ".replace("--", "- -"))
             )
     header.remove(element)
 

@@ -203,7 +203,9 @@ class Draft:
         Raises:
             InvalidFile: one is on a repair, and exports are strict.
         """
-        Remarks(self.settings.strict).add(*(each for each in remarks if isinstance(each, Remark)))
+        Remarks(self.settings.strict).add(
+            *(remark for remark in remarks if isinstance(remark, Remark))
+        )
         self._remarks.update(dict.fromkeys(map(str, remarks)))
 
     def write(self, *also: str) -> Sequence[str]:

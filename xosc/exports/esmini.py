@@ -130,7 +130,7 @@ def export(
 def _check(document: Document, draft: Draft) -> None:
     """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
     both = (document, resolve(document, **draft.settings.resolving))
-    for each in both:
-        refuse(each, _REFUSED)
-    for each in both:
-        draft.note(*remarks(each, _IGNORED))
+    for form in both:
+        refuse(form, _REFUSED)
+    for form in both:
+        draft.note(*remarks(form, _IGNORED))

@@ -48,8 +48,10 @@ def omit(document: Document, version: Version) -> Iterator[str]:
     yield from _idle_elements(document)
     yield from _misplaced_actions(document)
     older = min(version, document.version)
-    changes = [each for each in OMISSIONS if older < each.before]
-    changes += [each for each in SAID_OTHERWISE if version < each.before <= document.version]
+    changes = [omission for omission in OMISSIONS if older < omission.before]
+    changes += [
+        omission for omission in SAID_OTHERWISE if version < omission.before <= document.version
+    ]
     for _, where, change, reason in changes:
         found = _at(document, where)
         if found:
@@ -135,7 +137,7 @@ def _declare(scenario: Node) -> None:
         header = root.find("FileHeader")
         assert header is not None
         header.addnext(declarations)
-    if not any(each.get("name") == _IDLE for each in declarations):
+    if not any(declaration.get("name") == _IDLE for declaration in declarations):
         etree.SubElement(
             declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value=""
         )
@@ -161,7 +163,8 @@ def _idle(action: etree._Element) -> None:
 
 def _plain_name(condition: etree._Element) -> None:
     condition.set(
-        "name", str(condition.get("name")).translate({ord(each): None for each in "${}"}).strip()
+        "name",
+        str(condition.get("name")).translate({ord(character): None for character in "${}"}).strip(),
     )
 
 
@@ -467,6 +470,11 @@ def _found(document: Document, rules: Sequence[Rule]) -> Iterator[tuple[Node, st
 def located(element: etree._Element, document: Document) -> Node:
     """An element of a document in the file that it came from: a catalogue's entry knows which that is."""
     source = next(
-        (each.get(SOURCE) for each in (element, *element.iterancestors()) if each.get(SOURCE)), None
+        (
+            ancestor.get(SOURCE)
+            for ancestor in (element, *element.iterancestors())
+            if ancestor.get(SOURCE)
+        ),
+        None,
     )
     return Node(element, Path(source) if source else document.path)

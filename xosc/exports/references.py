@@ -202,7 +202,9 @@ _BEGINNINGS = {
     "STL, text": rb"solid\b[^\n]*\n\s*(?:facet normal|endsolid)",
     "Blender": rb"BLENDER[-_][vV]\d",
 }
-_MODEL = re.compile(b"|".join(b"(?:%b)" % each for each in _BEGINNINGS.values()), re.DOTALL)
+_MODEL = re.compile(
+    b"|".join(b"(?:%b)" % beginning for beginning in _BEGINNINGS.values()), re.DOTALL
+)
 _LINE_OF_OBJ = re.compile(
     rb"#.*|(?P<vertex>v|vn|vt|vp)(?:\s+-?[\d.]+(?:[eE][-+]?\d+)?)+|[flp](?:\s+[\d/-]+)+|(?:o|g|s|mtllib|usemtl)(?:\s.*)?|"
 )

@@ -167,13 +167,18 @@ def _at_once(action: Node) -> bool:
 def starts_at_once(action: Node, scenario: Node) -> bool | None:
     """Whether the event and the act around an element start at time 0, whatever happens; False: never, None: that depends."""
     around = [
-        Node(each, action.path).find("StartTrigger")
-        for each in action.element.iterancestors("Event", "Act")
+        Node(ancestor, action.path).find("StartTrigger")
+        for ancestor in action.element.iterancestors("Event", "Act")
     ]
     groups = [trigger.children("ConditionGroup") for trigger in around if trigger is not None]
     return _all(
         [
-            _any([_all([_holds(each, scenario) for each in group.children()]) for group in trigger])
+            _any(
+                [
+                    _all([_holds(condition, scenario) for condition in group.children()])
+                    for group in trigger
+                ]
+            )
             for trigger in groups
         ]
     )
@@ -202,14 +207,14 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
     if parameter is None or parameter.get("rule") != "equalTo":
         return None
     if any(
-        each.get("parameterRef") == parameter.get("parameterRef")
-        for each in scenario.iter("ParameterAction")
+        action.get("parameterRef") == parameter.get("parameterRef")
+        for action in scenario.iter("ParameterAction")
     ):
         return None
     declared = scenario.find("ParameterDeclarations")
-    for each in declared.children() if declared is not None else ():
-        if each.get("name") == parameter.get("parameterRef"):
-            return bool(each.get("value") == parameter.get("value"))
+    for declaration in declared.children() if declared is not None else ():
+        if declaration.get("name") == parameter.get("parameterRef"):
+            return bool(declaration.get("value") == parameter.get("value"))
     return None
 
 
@@ -228,7 +233,7 @@ def first_distances(document: Document, known: Mapping[str, InitialState]) -> It
             yield f"{action.where}: {action.tag}: left out, the first position has the distance"
             holders[-1].element.replace(holders[-1].only().element, first_position(start))
             private.element.remove(
-                next(each for each in action.element.iterancestors("PrivateAction"))
+                next(ancestor for ancestor in action.element.iterancestors("PrivateAction"))
             )
             for target in private.iter(
                 "AbsoluteTargetSpeed"
@@ -278,10 +283,10 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
     around = set(action.element.iterancestors())
     for condition in scenario.iter("Condition") if time else ():
         for state in condition.iter("StoryboardElementStateCondition"):
-            awaited = [each for each in meant(state, scenario) if each.element in around]
+            awaited = [node for node in meant(state, scenario) if node.element in around]
             if not awaited or state.get("state") not in _ENDED:
                 continue
-            if any(len(list(each.iter("Action"))) > 1 for each in awaited):
+            if any(len(list(node.iter("Action"))) > 1 for node in awaited):
                 raise state.unsupported(
                     f"what it waits for would end {time:g} s earlier, but for its other actions"
                 )
@@ -318,7 +323,7 @@ def _back(position: Node, distance: float, geometry: RoadGeometry) -> None:
     along, name, facing = position, "s", 1
     if position.tag == "RoutePosition":
         name = "pathS"
-        along = next((each for each in position.iter() if each.has(name)), position)
+        along = next((node for node in position.iter() if node.has(name)), position)
     elif position.tag == "LanePosition":
         facing = geometry.direction(position.get("roadId"), position.int("laneId"))
     elif position.tag != "TrajectoryPosition":

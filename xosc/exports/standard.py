@@ -162,7 +162,9 @@ def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Docume
     """A catalogue in a version; refused where its entries would no longer see parameters that they use."""
     if version is not None and catalog.version < _CLOSED_SINCE <= version:
         for entry in catalog.node.need("Catalog").children():
-            declared = {each.get("name") for each in entry.iter("ParameterDeclaration")}
+            declared = {
+                declaration.get("name") for declaration in entry.iter("ParameterDeclaration")
+            }
             for node in entry.iter():
                 used = {
                     name for text in node.element.attrib.values() for name in _parameters(str(text))

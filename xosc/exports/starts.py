@@ -81,7 +81,7 @@ def actors(action: Node) -> list[str]:
     return (
         [node.get("entityRef")]
         if node.tag == "Private"
-        else [each.get("entityRef") for each in node.need("Actors").children()]
+        else [reference.get("entityRef") for reference in node.need("Actors").children()]
     )
 
 
@@ -94,9 +94,9 @@ def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
 
     def state(action: Node, entity: str) -> InitialState | None:
         holder = next(
-            each.tag
-            for each in action.element.iterancestors()
-            if each.tag in ("LateralAction", "LongitudinalAction")
+            ancestor.tag
+            for ancestor in action.element.iterancestors()
+            if ancestor.tag in ("LateralAction", "LongitudinalAction")
         )
         return known.get(entity) if first(action, str(holder), scenario) else None
 
@@ -106,18 +106,18 @@ def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
 def as_told(scenario: Node, known: Mapping[str, InitialState]) -> State:
     """Return expected states: lane and speed that the preceding actions in the file set."""
     stories = [
-        each
+        action
         for story in scenario.need("Storyboard").children("Story")
-        for each in story.iter(*_DEMANDS)
+        for action in story.iter(*_DEMANDS)
     ]
 
     def state(action: Node, entity: str) -> InitialState | None:
         now = known.get(entity)
-        for each in stories:
-            if each.element is action.element or now is None:
+        for story in stories:
+            if story.element is action.element or now is None:
                 break
-            if entity in actors(each):
-                now = _after(each, entity, now, state)
+            if entity in actors(story):
+                now = _after(story, entity, now, state)
         return now
 
     return state
@@ -182,9 +182,11 @@ def _after(action: Node, entity: str, now: InitialState, state: State) -> Initia
 def first(action: Node, tag: str, scenario: Node) -> bool:
     """Whether an entity does nothing of that kind in the story besides this action, so that it still is as it started."""
     story = [
-        each for story in scenario.need("Storyboard").children("Story") for each in story.iter(tag)
+        other
+        for story in scenario.need("Storyboard").children("Story")
+        for other in story.iter(tag)
     ]
-    return sum(set(actors(each)) & set(actors(action)) != set() for each in story) <= 1
+    return sum(set(actors(other)) & set(actors(action)) != set() for other in story) <= 1
 
 
 class Vertex(NamedTuple):

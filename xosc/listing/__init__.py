@@ -127,15 +127,21 @@ class Listing:
         """
         required = list(tags) + ([Tag(CLASS, label)] if label else [])
         for tag in required:
-            if not any(each.has(tag) for each in self.scenarios):
+            if not any(scenario.has(tag) for scenario in self.scenarios):
                 raise UsageError(self._missing(tag))
-        return [each for each in self.scenarios if all(each.has(tag) for tag in required)]
+        return [
+            scenario for scenario in self.scenarios if all(scenario.has(tag) for tag in required)
+        ]
 
     def _missing(self, tag: Tag) -> str:
-        there = {_text(each.tags[tag.type]) for each in self.scenarios if tag.type in each.tags}
+        there = {
+            _text(scenario.tags[tag.type])
+            for scenario in self.scenarios
+            if tag.type in scenario.tags
+        }
         if there:
             return f"no scenario has {tag.type} {tag.value!r}; {nearest(_text(tag.value), sorted(there))}"
-        types = sorted({name for each in self.scenarios for name in each.tags})
+        types = sorted({name for scenario in self.scenarios for name in scenario.tags})
         return f"no scenario has a tag {tag.type!r}; {nearest(tag.type, types)}"
 
 
@@ -217,7 +223,10 @@ def _road(file: Node | None, declared: list[Node]) -> str:
 
 def _declared(node: Node) -> ListedParameter:
     groups = [
-        tuple((each.get("rule"), each.get("value")) for each in group.children("ValueConstraint"))
+        tuple(
+            (constraint.get("rule"), constraint.get("value"))
+            for constraint in group.children("ValueConstraint")
+        )
         for group in node.children("ConstraintGroup")
     ]
     return ListedParameter(
@@ -232,7 +241,7 @@ def _catalogue(document: Document) -> ListedCatalogue:
         document.path,
         catalog.get("name", ""),
         entries[0].tag if entries else "",
-        tuple(each.get("name", "") for each in entries),
+        tuple(entry.get("name", "") for entry in entries),
     )
 
 
@@ -267,18 +276,21 @@ def text(listing: Listing, verbose: bool = False) -> str:
     """
     rows = [
         (
-            each.name,
-            each.label or "–",
-            each.road or "–",
-            str(len(each.parameters)),
-            str(_sets(each)),
-            each.description,
+            scenario.name,
+            scenario.label or "–",
+            scenario.road or "–",
+            str(len(scenario.parameters)),
+            str(_sets(scenario)),
+            scenario.description,
         )
-        for each in listing.scenarios
+        for scenario in listing.scenarios
     ]
-    details = [_details(each) if verbose else [] for each in listing.scenarios]
+    details = [_details(scenario) if verbose else [] for scenario in listing.scenarios]
     lines = _aligned(_COLUMNS, rows, details)
-    catalogues = [(each.name, each.kind, ", ".join(each.entries)) for each in listing.catalogues]
+    catalogues = [
+        (catalogue.name, catalogue.kind, ", ".join(catalogue.entries))
+        for catalogue in listing.catalogues
+    ]
     if catalogues:
         lines += ["", *_aligned(_CATALOGUE_COLUMNS, catalogues, [[] for _ in catalogues])]
     return "\n".join([*lines, ""])
@@ -288,20 +300,20 @@ def to_json(listing: Listing) -> str:
     """An object with all that is known of scenarios and catalogues."""
     scenarios = [
         {
-            "name": each.name, "class": each.label or None, "description": each.description, "path": str(each.path),
-            "road": each.road or None, "tags": dict(each.tags), "parameters": [_parameter(one) for one in each.parameters],
-            "variations": [{"path": str(one.path), "parameter_sets": one.size} for one in each.variations],
+            "name": scenario.name, "class": scenario.label or None, "description": scenario.description, "path": str(scenario.path),
+            "road": scenario.road or None, "tags": dict(scenario.tags), "parameters": [_parameter(one) for one in scenario.parameters],
+            "variations": [{"path": str(one.path), "parameter_sets": one.size} for one in scenario.variations],
         }
-        for each in listing.scenarios
+        for scenario in listing.scenarios
     ]  # fmt: skip
     catalogues = [
         {
-            "name": each.name,
-            "kind": each.kind,
-            "path": str(each.path),
-            "entries": list(each.entries),
+            "name": catalogue.name,
+            "kind": catalogue.kind,
+            "path": str(catalogue.path),
+            "entries": list(catalogue.entries),
         }
-        for each in listing.catalogues
+        for catalogue in listing.catalogues
     ]
     return (
         json.dumps({"scenarios": scenarios, "catalogues": catalogues}, indent=1, ensure_ascii=False)
@@ -314,17 +326,17 @@ def to_csv(listing: Listing) -> str:
     rows: list[tuple[object, ...]] = [
         ("name", "class", "description", "path", "road", "parameters", "variations", "tags")
     ]
-    for each in listing.scenarios:
-        parameters = "; ".join(map(_parameter_text, each.parameters))
-        variations = "; ".join(str(one.path) for one in each.variations)
-        tags = "; ".join(_tag_texts(each.tags))
+    for scenario in listing.scenarios:
+        parameters = "; ".join(map(_parameter_text, scenario.parameters))
+        variations = "; ".join(str(one.path) for one in scenario.variations)
+        tags = "; ".join(_tag_texts(scenario.tags))
         rows.append(
             (
-                each.name,
-                each.label,
-                each.description,
-                str(each.path),
-                each.road,
+                scenario.name,
+                scenario.label,
+                scenario.description,
+                str(scenario.path),
+                scenario.road,
                 parameters,
                 variations,
                 tags,
@@ -337,7 +349,7 @@ FORMATS: Mapping[str, Callable[[Listing], str]] = {"json": to_json, "csv": to_cs
 
 
 def _sets(listed: Listed) -> int:
-    return sum(each.size for each in listed.variations)
+    return sum(variation.size for variation in listed.variations)
 
 
 def of_rows(
@@ -389,7 +401,10 @@ def _aligned(
 
 
 def _details(listed: Listed) -> list[str]:
-    variations = [f"{each.path}: {many(each.size, 'parameter set')}" for each in listed.variations]
+    variations = [
+        f"{variation.path}: {many(variation.size, 'parameter set')}"
+        for variation in listed.variations
+    ]
     return [*map(_parameter_text, listed.parameters), *variations, *_tag_texts(listed.tags)]
 
 

@@ -307,7 +307,7 @@ def _features(rows: Sequence[dict[str, Any]]) -> np.ndarray:
         values = [row.get(name) for row in rows]
         codes = {
             value: _LACKING * code
-            for code, value in enumerate(sorted({str(each) for each in values}))
+            for code, value in enumerate(sorted({str(value) for value in values}))
         }
         columns.append(
             np.array([np.nan if value is None else codes[str(value)] for value in values])

@@ -63,9 +63,10 @@ class Index(NamedTuple):
         """Columns of text besides those that a question names."""
         names = self.table.column_names
         own = _SHOWN.get(self.name) or next(
-            (each for each in _SHOWN.values() if set(each) <= set(names)), names[:_MOST_SHOWN]
+            (columns for columns in _SHOWN.values() if set(columns) <= set(names)),
+            names[:_MOST_SHOWN],
         )
-        return [each for each in (BATCH, *own) if each in names]
+        return [name for name in (BATCH, *own) if name in names]
 
     def need_catalogue(self, option: str) -> None:
         """Refuse an option that compares scenarios of catalogues.
@@ -131,15 +132,15 @@ def read_all(paths: Sequence[str]) -> Index:
     first, *others = found
     if not others:
         return first
-    for path, each in zip(paths, found, strict=True):
-        if each.name != first.name:
+    for path, part in zip(paths, found, strict=True):
+        if part.name != first.name:
             told = (
-                f"these are {each.noun}s, and those of {paths[0]} are {first.noun}s: ask one kind"
+                f"these are {part.noun}s, and those of {paths[0]} are {first.noun}s: ask one kind"
             )
             raise UsageError(told, path=path)
     tables = [
-        each.table.add_column(0, BATCH, pa.array([path] * each.table.num_rows, pa.string()))
-        for path, each in zip(paths, found, strict=True)
+        part.table.add_column(0, BATCH, pa.array([path] * part.table.num_rows, pa.string()))
+        for path, part in zip(paths, found, strict=True)
     ]
     return first._replace(table=pa.concat_tables(_alike(tables), promote_options="default"))
 
@@ -160,7 +161,7 @@ def _alike(tables: Sequence[pa.Table]) -> list[pa.Table]:
     }
     return [
         table.cast(
-            pa.schema([(each.name, common.get(each.name, each.type)) for each in table.schema])
+            pa.schema([(field.name, common.get(field.name, field.type)) for field in table.schema])
         )
         for table in tables
     ]
@@ -185,7 +186,7 @@ def _flat(table: pa.Table) -> pa.Table:
                 if f"{prefix}{key}" not in table.column_names:
                     columns[f"{prefix}{key}"] = pa.array(values)
         elif pa.types.is_list(kind):
-            texts = ["; ".join(map(str, each or ())) for each in table[name].to_pylist()]
+            texts = ["; ".join(map(str, cell or ())) for cell in table[name].to_pylist()]
             columns[name] = pa.array(texts, pa.string())
         else:
             columns[name] = table[name]
@@ -194,14 +195,14 @@ def _flat(table: pa.Table) -> pa.Table:
 
 def _by_name(maps: Iterable[Sequence[tuple[str, Any]] | None]) -> dict[str, list[Any]]:
     """Values of maps by name, as numbers where all are; None where a map lacks one."""
-    rows = [dict(each or ()) for each in maps]
+    rows = [dict(cell or ()) for cell in maps]
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: _numbers([row.get(name) for row in rows]) for name in names}
 
 
 def _numbers(values: list[Any]) -> list[Any]:
     try:
-        return [None if each is None else float(each) for each in values]
+        return [None if value is None else float(value) for value in values]
     except ValueError:
         return values
 
@@ -236,7 +237,7 @@ def copy_scenarios(scenarios: Iterable[Listed], folder: Folder) -> int:
         InvalidFile: a road or catalogue is nowhere.
     """
     files = dict.fromkeys(
-        Path(os.path.abspath(path)) for each in scenarios for path in _needed(each)
+        Path(os.path.abspath(path)) for scenario in scenarios for path in _needed(scenario)
     )
     root = os.path.commonpath([path.parent for path in files])
     for path in files:
@@ -247,7 +248,7 @@ def copy_scenarios(scenarios: Iterable[Listed], folder: Folder) -> int:
 def _needed(listed: Listed) -> Iterator[Path]:
     """Yield the files of a scenario."""
     yield listed.path
-    yield from (each.path for each in listed.variations)
+    yield from (variation.path for variation in listed.variations)
     root = load(listed.path).node
     logic = logic_file(root)
     if logic is not None:

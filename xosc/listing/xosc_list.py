@@ -43,7 +43,7 @@ def _classes() -> list[str]:
     """Classes of the shipped scenarios."""
     from xosc.listing import LIBRARY, listing
 
-    return sorted({each.label for each in listing([str(LIBRARY)]).scenarios} - {""})
+    return sorted({scenario.label for scenario in listing([str(LIBRARY)]).scenarios} - {""})
 
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
@@ -179,7 +179,7 @@ def _has_rows(paths: list[str] | None, folder: Folder | None) -> bool:
     if not all(found):
         return False
     return bool(found) and (
-        folder is not None or all(each and each.name != INDEX for each in found)
+        folder is not None or all(path and path.name != INDEX for path in found)
     )
 
 

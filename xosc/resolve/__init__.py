@@ -183,7 +183,8 @@ def _resolved(
     catalogs = Catalogs(document.path, partial(_directory, node), load, remarks, catalog_path)
     _Inliner(catalogs, report, remarks).inline(node, scopes, ())
     if any(
-        each.get("value") in attributes.NOTHING for each in root.iter("ParameterDeclaration")
+        declaration.get("value") in attributes.NOTHING
+        for declaration in root.iter("ParameterDeclaration")
     ):  # literals: see `load`
         remarks.add(*attributes.leave_out_absent_values(node, document.version))
     for_carla, mirrored = is_for_carla(node), is_mirrored(node)
@@ -371,7 +372,7 @@ class _Inliner:
 
 def _in_use(remark: Remark, entry: CatalogEntry) -> Remark:
     """Return a remark on a catalogue; where it is on another entry, no run is inconclusive by it."""
-    lines = [cast(int, each.sourceline or 0) for each in entry.element.iter()]
+    lines = [cast(int, element.sourceline or 0) for element in entry.element.iter()]
     return (
         remark
         if remark.line is None or lines[0] <= remark.line <= max(lines)

@@ -132,7 +132,9 @@ class ParameterScope:
                 self._repair(assignment, ASSIGNED, message, "it is left out")
         for name in self.declarations:
             self._visible.pop(name, None)
-        self._varying = {name for name, each in self._visible.items() if each.column is not None}
+        self._varying = {
+            name for name, parameter in self._visible.items() if parameter.column is not None
+        }
         sources = {
             name: assigned.get(name)
             or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
@@ -450,7 +452,7 @@ def _parts(text: str) -> list[str]:
     between them (`${$town}_${$hour}`).
     """
     if _SUM.fullmatch(text):
-        return [each.strip("'") for each in re.findall(_OPERAND, text, re.ASCII)]
+        return [operand.strip("'") for operand in re.findall(_OPERAND, text, re.ASCII)]
     between = _EXPRESSION.split(text)
     return between if len(between) > 3 else []
 

@@ -147,7 +147,7 @@ def _places(document: CheckedDocument, element: etree._Element) -> bool:
         for reference in element.iterchildren("CatalogReference")
     ]
     inside = [element, *(entry.element for entry in entries if entry is not None)]
-    return any(next(each.iter(*_PLACING), None) is not None for each in inside)
+    return any(next(element.iter(*_PLACING), None) is not None for element in inside)
 
 
 ACTORS_UID = "asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_private_actions"
@@ -207,7 +207,9 @@ def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding
     Such a condition has the same value at all times, and such a lane change does nothing.
     """
     for triggering in document.elements("TriggeringEntities"):
-        names = {document.value(each, "entityRef") for each in triggering.iterfind("EntityRef")}
+        names = {
+            document.value(reference, "entityRef") for reference in triggering.iterfind("EntityRef")
+        }
         for condition in triggering.iterfind("../EntityCondition/*"):
             name = document.value(condition, "entityRef")
             if name is not None and names == {name}:
@@ -288,9 +290,12 @@ def signal_controller_exists(document: CheckedDocument) -> Iterator[Finding]:
 def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Finding]:
     """The reference of a TrafficSignalController shall name another TrafficSignalController, and not lead back to itself."""
     controllers = {
-        document.value(each, "name"): each for each in document.elements("TrafficSignalController")
+        document.value(controller, "name"): controller
+        for controller in document.elements("TrafficSignalController")
     }
-    references = {name: document.value(each, "reference") for name, each in controllers.items()}
+    references = {
+        name: document.value(controller, "reference") for name, controller in controllers.items()
+    }
     for name, reference in references.items():
         if reference is not None and reference not in controllers:
             message = f"reference: {unknown('traffic signal controller', reference, filter(None, controllers))}"

@@ -58,7 +58,8 @@ def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding
     yield from _distributed(document)
     for family, attribute in _REFERENCES.items():
         declared = {
-            document.value(each, "name"): each for each in document.elements(f"{family}Declaration")
+            document.value(declaration, "name"): declaration
+            for declaration in document.elements(f"{family}Declaration")
         }
         for element, holder in _uses(document, family):
             name, text = (
@@ -97,7 +98,7 @@ def _distributed(document: CheckedDocument) -> Iterator[Finding]:
         if scenario is not None
         else ()
     )
-    types = {each.get("name"): each.get("parameterType") for each in declared}
+    types = {declaration.get("name"): declaration.get("parameterType") for declaration in declared}
     for holder, _, name in document.values("parameterName", "parameterRef"):
         kind = types.get(name)
         for element in (holder, *holder.iter("{*}Element")) if kind in TYPES else ():

@@ -82,12 +82,12 @@ def read(path: str | PathLike[str]) -> list[Tag]:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))["openlabel"]
         named = {
-            key: each if isinstance(each, str) else each["uri"]
-            for key, each in content.get("ontologies", {}).items()
+            key: ontology if isinstance(ontology, str) else ontology["uri"]
+            for key, ontology in content.get("ontologies", {}).items()
         }
         return [
-            Tag(each["type"], _value(each.get("tag_data")), named[each["ontology_uid"]])
-            for each in content["tags"].values()
+            Tag(tag["type"], _value(tag.get("tag_data")), named[tag["ontology_uid"]])
+            for tag in content["tags"].values()
         ]
     except (
         OSError,
@@ -117,8 +117,8 @@ def tags_of(scenario: str | PathLike[str]) -> list[Tag]:
     if beside.is_file():
         return read(beside)
     found = {
-        each.get("name", ""): each.get("value", "")
-        for each in load(path).root.iterfind("FileHeader/Properties/Property")
+        entry.get("name", ""): entry.get("value", "")
+        for entry in load(path).root.iterfind("FileHeader/Properties/Property")
     }
     named = {
         name.removeprefix(PREFIX): value for name, value in found.items() if name.startswith(PREFIX)
@@ -152,9 +152,9 @@ def annotated(document: Document, tags: Sequence[Tag]) -> Document:
     if holder is None:
         holder = etree.SubElement(header, "Properties")
     for old in [
-        each
-        for each in holder.iterchildren("Property")
-        if (each.get("name") or "").startswith(PREFIX)
+        entry
+        for entry in holder.iterchildren("Property")
+        if (entry.get("name") or "").startswith(PREFIX)
     ]:
         holder.remove(old)
     for number, (name, value) in enumerate(properties(tags).items()):

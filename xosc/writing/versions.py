@@ -96,7 +96,7 @@ def _violations(tree: etree._ElementTree, version: Version) -> list[Violation]:
 
 def _nearest(element: etree._Element, document: Document) -> Node:
     """The element, or, where a rule has made it, the one around it that was in the file."""
-    around = (each for each in (element, *element.iterancestors()) if each.sourceline)
+    around = (ancestor for ancestor in (element, *element.iterancestors()) if ancestor.sourceline)
     return Node(next(around, element), document.path)
 
 

@@ -65,13 +65,13 @@ def _data(found: LoopResult, out: Path) -> Json:
         "unread": found.recognised.failures,
         "errors": [
             f"{name}: {error}"
-            for of in (found.played, *(each.runs for each in found.rounds))
+            for of in (found.played, *(round_.runs for round_ in found.rounds))
             for name, error in of.failures.items()
         ],
         "classes": _classes(rows, found),
         "catalogue": f"{CATALOGUE}/index.csv" if rows else None,
         "searches": searches,
-        "refused": [asdict(each) for each in found.refused],
+        "refused": [asdict(refusal) for refusal in found.refused],
         "scenarios": [
             _run(run, name) for name, runs in found.scenarios.files.items() for run in runs
         ],
@@ -154,8 +154,8 @@ def _case(case: EdgeCase, of: Round) -> Json:
         "message": run.message if run else None,
         "play": run.replay if run else None,
         "recognised": [
-            {"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"}
-            for each in labels
+            {"title": label.title, "file": f"round_{of.number}/{RECOGNISED}/{label.file}"}
+            for label in labels
         ],
         "files": {
             "scenario": case.file,
@@ -191,8 +191,8 @@ def _against(found: Against | None) -> Json | None:
     if found is None:
         return None
     compared = [
-        {**asdict(each), "counts": {fate: each.counts[fate] for fate in Fate}}
-        for each in found.compared
+        {**asdict(comparison), "counts": {fate: comparison.counts[fate] for fate in Fate}}
+        for comparison in found.compared
     ]
     return {
         "folder": found.folder,

@@ -488,8 +488,8 @@ def _learnt(failing: BoolArray, most: int) -> IntArray:
     # The rarer group is kept whole, up to half of the rows.
     least = min(most // 2, *map(len, groups))
     chosen = [
-        each[np.linspace(0, len(each) - 1, min(len(each), most - least)).astype(int)]
-        for each in groups
+        group[np.linspace(0, len(group) - 1, min(len(group), most - least)).astype(int)]
+        for group in groups
     ]
     return np.sort(np.concatenate(chosen))
 

@@ -199,7 +199,7 @@ def _uniform(of: UniformDistribution) -> Marginal | str:
 
 @marginal.register
 def _histogram(of: Histogram) -> Marginal | str:
-    bins = sorted((each.range.lower_limit, each.range.upper_limit, each.weight) for each in of.bins)
+    bins = sorted((bin_.range.lower_limit, bin_.range.upper_limit, bin_.weight) for bin_ in of.bins)
     edges: list[float] = [bins[0][0]]
     weights: list[float] = []
     for low, high, weight in bins:
@@ -311,8 +311,8 @@ class DeclaredPrior(Prior):
             list(marginals.values()),
             admits,
         )
-        self.low = np.array([each.low for each in self._marginals])
-        self.high = np.array([each.high for each in self._marginals])
+        self.low = np.array([marginal.low for marginal in self._marginals])
+        self.high = np.array([marginal.high for marginal in self._marginals])
         self.nuisances = tuple(nuisances)
         self.theta = np.empty((0, len(self.names))) if theta is None else theta
         self.recordings = np.full(len(self.theta), "drawn")
@@ -326,13 +326,13 @@ class DeclaredPrior(Prior):
 
     def _raw(self, theta: FloatArray) -> FloatArray:
         found = np.zeros(len(theta))
-        for name, each, values in zip(self.names, self._marginals, theta.T, strict=True):
+        for name, marginal, values in zip(self.names, self._marginals, theta.T, strict=True):
             if name not in self.nuisances:
-                found += each.log_density(values)
+                found += marginal.log_density(values)
         return found
 
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
-        return np.stack([each.sample(n, generator) for each in self._marginals], axis=1)
+        return np.stack([marginal.sample(n, generator) for marginal in self._marginals], axis=1)
 
     @cached_property
     def _log_share(self) -> float:
@@ -440,7 +440,7 @@ class JointPrior(Prior):
         """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is done alone: (n,)."""
         judges = *self._parts, *self._alone
         return self.possible(theta) & np.all(
-            [each.foreseeable(self._columns(each, theta)) for each in judges], axis=0
+            [judge.foreseeable(self._columns(judge, theta)) for judge in judges], axis=0
         )
 
     def with_nuisances(self, theta: FloatArray) -> FloatArray:

@@ -50,8 +50,8 @@ def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArr
     """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
     # A model that was fitted on a row finds it likelier than any new one: each is judged by others.
     found = np.empty(len(theta))
-    for each, tested in others(name, theta, recordings):
-        found[tested] = each.log_density(theta[tested])
+    for density, tested in others(name, theta, recordings):
+        found[tested] = density.log_density(theta[tested])
     found.flags.writeable = False
     return found
 
@@ -240,12 +240,12 @@ class RecordedPrior(Prior):
         name: str,
     ) -> None:
         self.names, self.low, self.high, self._roles = box.names, box.low, box.high, dict(roles)
-        self.nuisances = tuple(each for each in box.names if roles[each].role in NUISANCES)
-        self._pinned = {each: value for each, value in box.pinned.items() if each in values}
-        self._given = [each for each in self._pinned if roles[each].role not in NUISANCES]
+        self.nuisances = tuple(name for name in box.names if roles[name].role in NUISANCES)
+        self._pinned = {name: value for name, value in box.pinned.items() if name in values}
+        self._given = [name for name in self._pinned if roles[name].role not in NUISANCES]
         held = [*self.searched, *self._given]
         self._least_gap = LeastGap.of(values, roles)
-        rows = np.stack([values[each] for each in held], axis=1)
+        rows = np.stack([values[name] for name in held], axis=1)
         # Gaps of followers are modelled beyond the least gap, which grows with the speed: the
         # logarithm then keeps draws above it.
         rows[:, : len(self.searched)] -= self._least(values)
@@ -257,10 +257,12 @@ class RecordedPrior(Prior):
             recordings[usable],
             name,
         )
-        everything = np.stack([values[each] for each in box.names], axis=1)[usable]
+        everything = np.stack([values[name] for name in box.names], axis=1)[usable]
         inside = self.inside(everything)
         self.theta, self.recordings = everything[inside], self._recordings[inside]
-        self._limits = {actor: Limits.of(each) for actor, each in self._by_actor(values).items()}
+        self._limits = {
+            actor: Limits.of(by_role) for actor, by_role in self._by_actor(values).items()
+        }
 
     # physics
 
@@ -276,7 +278,9 @@ class RecordedPrior(Prior):
         """Rows (n, d) that are in the box and within the physical limits: (n,)."""
         values = self._by_name(theta)
         # Accelerations belong to an actor: its own speeds and times only.
-        kept = [self._limits[actor].kept(each) for actor, each in self._by_actor(values).items()]
+        kept = [
+            self._limits[actor].kept(by_role) for actor, by_role in self._by_actor(values).items()
+        ]
         if self._least_gap is not None:
             kept.append(values[self._least_gap.gap] > self._least_gap.at(values))
         return np.all([self.inside(theta), *kept], axis=0)
@@ -541,7 +545,7 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
                 rest >= _BRIEF, np.abs(phases[1] - phases[0]) / (0.5 * (duration + rest)), 0.0
             )
     if phases:
-        found["deceleration"] = np.max([-each for each in phases], axis=0)
+        found["deceleration"] = np.max([-phase for phase in phases], axis=0)
         found["acceleration"] = np.max(phases, axis=0)
     return found
 
@@ -596,7 +600,10 @@ class Limits:
     def of(cls, values: ByRole) -> Limits:
         """Return the limits that all but 0.1 % of recorded units keep."""
         return cls(
-            {name: float(np.quantile(each, QUANTILE)) for name, each in quantities(values).items()}
+            {
+                name: float(np.quantile(amounts, QUANTILE))
+                for name, amounts in quantities(values).items()
+            }
         )
 
     def kept(self, values: ByRole) -> BoolArray:

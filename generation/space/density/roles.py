@@ -21,7 +21,7 @@ NUISANCES = ("start_time", "rest_time")
 """Roles of parameters that say when a scene begins and ends, not what happens in it."""
 EGO, LEAD = "Ego", "Lead"
 _SPEED = "Speed_mps"
-_OF_SHORT = {each.name: role for role, each in DECLARED.items()}
+_OF_SHORT = {declared.name: role for role, declared in DECLARED.items()}
 
 
 class Role(NamedTuple):

@@ -171,13 +171,13 @@ class EncounterScenario:
     @property
     def tags(self) -> list[Tag]:
         """Tags of the scenario."""
-        each = self.encounter
+        encounter = self.encounter
         return scenario_tags(
             self.name,
-            each.situation,
-            each.label,
-            each.map.tags,
-            ("car", "pedestrian" if each.walks else "car"),
+            encounter.situation,
+            encounter.label,
+            encounter.map.tags,
+            ("car", "pedestrian" if encounter.walks else "car"),
         )
 
     def document(self, path: Path, road: str) -> Document:

@@ -50,7 +50,7 @@ def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterSce
     """Every encounter, with the name of its file; on the roads in a folder."""
     networks = {
         file: xodr.load(roads / f"{file}.xodr")
-        for file in sorted({each.file for each in ENCOUNTERS.values()})
+        for file in sorted({encounter.file for encounter in ENCOUNTERS.values()})
     }
     for name, encounter in ENCOUNTERS.items():
         yield name, EncounterScenario(name, encounter, networks[encounter.file])
@@ -94,9 +94,11 @@ def _variation(scenario: Made, folder: Path) -> Path:
 
 def _courses() -> Iterator[tuple[str, Course]]:
     """Road files and courses on them that scenarios refer to."""
-    for each in ENCOUNTERS.values():
+    for encounter in ENCOUNTERS.values():
         yield from (
-            (each.file, course) for course in (each.ego, each.way) if isinstance(course, Course)
+            (encounter.file, course)
+            for course in (encounter.ego, encounter.way)
+            if isinstance(course, Course)
         )
     for geometry in GEOMETRIES.values():
         if geometry.turn is not None:

@@ -223,7 +223,9 @@ class ManeuverScenario:
 
     def _parameters(self) -> list[Any]:
         """Return the parameters of the actor, and the constant speeds of the others."""
-        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in DECLARED.values()}
+        limits: dict[str, Limits] = {
+            parameter.name: (parameter.low, parameter.high) for parameter in DECLARED.values()
+        }
         slow, place = self.maneuver.braking or self.geometry.speeds, self.geometry
         limits |= {
             "Gap_m": place.gaps,
@@ -307,7 +309,7 @@ class ManeuverScenario:
         if name == self.maneuver.ahead:
             ahead += f" + {_BOXES} + {self._clearance(name)}"
         lane = (
-            next(each for each in lanes.values() if each != leaders)
+            next(lane for lane in lanes.values() if lane != leaders)
             if name == self.maneuver.beside
             else leaders
         )

@@ -210,9 +210,9 @@ class PairScenario:
         return {**found, f"{EGO}_Speed_mps": 25.0}
 
     def _parameters(self) -> list[Any]:
-        limits = {each.name: (each.low, each.high) for each in PARAMETERS.values()} | {
-            BEGIN: (0.0, LEAD_IN + MOST_LAG)
-        }
+        limits = {
+            parameter.name: (parameter.low, parameter.high) for parameter in PARAMETERS.values()
+        } | {BEGIN: (0.0, LEAD_IN + MOST_LAG)}
         limits |= dict.fromkeys(
             ("StartSpeed_mps", "EndSpeed_mps", "FinalSpeed_mps", "Speed_mps"), _PLACE.speeds
         )
@@ -258,8 +258,8 @@ class PairScenario:
     def _init(self, part: AdversaryPart) -> list[Any]:
         """Return initial actions that give the parameters' gaps once the first manoeuvre begins."""
         gaps = [
-            self._terms[each.actor]["gap"]
-            for each in self.pair.parts[: self.pair.parts.index(part) + 1]
+            self._terms[nearer.actor]["gap"]
+            for nearer in self.pair.parts[: self.pair.parts.index(part) + 1]
         ]
         ahead = f"{' + '.join(gaps)} + {len(gaps) * LENGTH} - {self._opening(part)} * {LEAD_IN}"
         place = maneuvers.relative_lane_position(

@@ -44,7 +44,7 @@ class LibraryRoad:
     def tags(self) -> list[Tag]:
         """Its tags."""
         return [
-            *(Tag(each, None, ASAM) for each in self.types),
+            *(Tag(kind, None, ASAM) for kind in self.types),
             Tag("RoadGeometry", self.description),
         ]
 

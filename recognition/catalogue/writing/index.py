@@ -110,12 +110,14 @@ def recordings_of(root: Path) -> list[str]:
         InvalidFile: it is not readable.
     """
     path = root / FILE
-    return [str(each.get("name")) for each in _listed(path, "recordings")] if path.is_file() else []
+    return (
+        [str(entry.get("name")) for entry in _listed(path, "recordings")] if path.is_file() else []
+    )
 
 
 def _listed(path: Path, name: str) -> list[dict[str, Any]]:
     found = read_object(path).get(name)
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+    if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
         raise InvalidFile(f"the index of a catalogue has a list of objects {name!r}", path=path)
     return found
 

@@ -134,8 +134,10 @@ def scenario(
         path, header, ego, scene.end - scene.start, road=road, catalogs=catalogs, version=version
     )
     more = [
-        _form(each.appears, each.leaves, version).filled(each.names, each.numbers)
-        for each in others
+        _form(participant.appears, participant.leaves, version).filled(
+            participant.names, participant.numbers
+        )
+        for participant in others
     ]
     return maneuvers.extended(alone, more)
 

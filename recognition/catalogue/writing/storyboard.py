@@ -33,9 +33,9 @@ from xosc.writing.maneuvers import Conditions, Dynamics, Number, TriggerConditio
 from xosc.writing.versions import Version
 
 GAP, START_SPEED, START_TIME, END_SPEED, DURATION, FINAL_SPEED, REST_TIME = (
-    each.name for each in PARAMETERS.values()
+    parameter.name for parameter in PARAMETERS.values()
 )
-RANGES = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
+RANGES = {parameter.name: (parameter.low, parameter.high) for parameter in PARAMETERS.values()}
 """Ranges of the parameters (m, m/s, s); a recorded value beyond widens its range"""
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
@@ -86,8 +86,8 @@ def _range(name: str, value: float, maneuver: RecordedManeuver) -> tuple[float, 
     low, high = maneuver.speeds if name in (START_SPEED, END_SPEED, FINAL_SPEED) else RANGES[name]
     # A recorded value is never at the edge of its range: searches go beyond it on both sides.
     low, high = (
-        round(each, 3)
-        for each in (min(low, (1.0 - _BESIDE) * value), max(high, (1.0 + _BESIDE) * value))
+        round(limit, 3)
+        for limit in (min(low, (1.0 - _BESIDE) * value), max(high, (1.0 + _BESIDE) * value))
     )
     if (
         passage is not None and passage.conflict is not None and name == GAP
@@ -502,7 +502,10 @@ def _route(maneuver: RecordedManeuver, network: RoadNetwork, name: str) -> Any |
         return None
     return maneuvers.route(
         name,
-        [maneuvers.lane_position(each.road_id, each.lane_id, round(each.s, 3)) for each in places],
+        [
+            maneuvers.lane_position(place.road_id, place.lane_id, round(place.s, 3))
+            for place in places
+        ],
     )
 
 
@@ -548,7 +551,7 @@ def catalogue_entries(maneuver: RecordedManeuver) -> list[Any]:
 
 def _change(maneuver: RecordedManeuver) -> Any:
     """The actor's parameters, trigger and actions."""
-    roles = {role: f"${each.name}" for role, each in PARAMETERS.items()}
+    roles = {role: f"${parameter.name}" for role, parameter in PARAMETERS.items()}
     lanes = 0 if maneuver.left is None else 1 if maneuver.left else -1
     start = [started(roles["start_time"])]
     if maneuver.passage is not None and maneuver.other is not None:
@@ -608,14 +611,14 @@ def scenario(
         {GAP: f"${TRIGGER_GAP}"} if maneuver.other is not None else {}
     )
     participants = {name: entry(track) for name, track in tracks.items()}
-    by_role = {role: f"${each.name}" for role, each in PARAMETERS.items()}
+    by_role = {role: f"${parameter.name}" for role, parameter in PARAMETERS.items()}
     return maneuvers.scenario(
         stage.path,
         header,
         road=stage.road,
         entities={
-            name: maneuvers.reference(f"{each.kind}Catalog", each.name)
-            for name, each in participants.items()
+            name: maneuvers.reference(f"{participant.kind}Catalog", participant.name)
+            for name, participant in participants.items()
         },
         init=init(maneuver, network, other, followed),
         maneuvers=[

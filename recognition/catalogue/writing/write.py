@@ -113,9 +113,11 @@ def tags(name: str, title: str, scene: Excerpt, facts: Mapping[str, Any]) -> lis
 
 def ontology_tags(title: str, categories: Iterable[str]) -> list[Tag]:
     """Return the tags of OpenLABEL's ontology for a class, by its title, and for categories of participants."""
-    participants = sorted(_PARTICIPANTS[each] for each in set(categories) & _PARTICIPANTS.keys())
+    participants = sorted(
+        _PARTICIPANTS[category] for category in set(categories) & _PARTICIPANTS.keys()
+    )
     return [
-        Tag(each, None, ASAM) for each in (*_CLASSES.get(title, ("MotionDrive",)), *participants)
+        Tag(kind, None, ASAM) for kind in (*_CLASSES.get(title, ("MotionDrive",)), *participants)
     ]
 
 
@@ -277,8 +279,8 @@ class CatalogWriter:
         )
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
-        for each in entries:
-            self._entries.setdefault(each.place, {}).setdefault(each.name, each.built)
+        for item in entries:
+            self._entries.setdefault(item.place, {}).setdefault(item.name, item.built)
 
     def _write(self, context: _Context) -> None:
         episode, scene = context.episode, context.scene
@@ -323,8 +325,8 @@ class CatalogWriter:
         episode, scene = context.episode, context.scene
         participants = {part.name: entry(part.track) for part in scene.parts}
         entries = [
-            context.entry(each.kind, each.name, each.built, context.recorded)
-            for each in participants.values()
+            context.entry(participant.kind, participant.name, participant.built, context.recorded)
+            for participant in participants.values()
         ]
         entries += [
             context.entry("Trajectory", path.name, path, episode.name)
@@ -354,15 +356,15 @@ class CatalogWriter:
             entry(track) for track in (measured.ego, measured.other) if track is not None
         ]
         entries = [
-            context.entry(each.kind, each.name, each.built, context.recorded)
-            for each in participants
+            context.entry(participant.kind, participant.name, participant.built, context.recorded)
+            for participant in participants
         ]
         other = context.name_of(measured.other)
         built, followed = (
             storyboard.catalogue_entries(measured),
             paths(measured, network, episode.name, other),
         )
-        entries += [context.entry("Maneuver", each.name, each) for each in built]
+        entries += [context.entry("Maneuver", entry.name, entry) for entry in built]
         entries += [context.entry("Controller", CONTROLLER.name, CONTROLLER)]
         entries += [
             context.entry("Route", route.name, route, context.recorded)
@@ -399,7 +401,9 @@ def write_catalog(
 
 def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
     """The folders of catalogues by their kind, relative to the scenario."""
-    return {place.kind: place.directory for place in dict.fromkeys(each.place for each in entries)}
+    return {
+        place.kind: place.directory for place in dict.fromkeys(entry.place for entry in entries)
+    }
 
 
 class _Context(NamedTuple):

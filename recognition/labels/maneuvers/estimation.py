@@ -229,8 +229,8 @@ def _lacking(motion: LaneCoordinates) -> tuple[BoolArray, BoolArray]:
     right, left = (
         np.array(
             [
-                (each.road, each.section, each.forward, each.place + side) in places
-                for each in strips
+                (strip.road, strip.section, strip.forward, strip.place + side) in places
+                for strip in strips
             ]
             + [False]
         )
@@ -254,7 +254,7 @@ def _fitted(
     )
     starts = np.arange(max(earliest, row - scene.rows(high)), row, every)
     sizes = np.arange(scene.rows(low), scene.rows(high) + 1, every)
-    start, size = (each.ravel() for each in np.meshgrid(starts, sizes, indexing="ij"))
+    start, size = (grid.ravel() for grid in np.meshgrid(starts, sizes, indexing="ij"))
     possible = (start + size > row) & (start + size <= last)
     start, size = start[possible, None], size[possible, None]
     if not len(start):

@@ -74,16 +74,16 @@ class Exposure:
     def total(cls, parts: Iterable[Exposure]) -> Exposure:
         """Return the sum over recordings."""
         listed = list(parts)
-        counts = sum((Counter(each.counts) for each in listed), Counter[str]())
-        hours = sum(each.hours for each in listed)
-        quality = sum(each.quality * each.hours for each in listed) / hours if hours > 0.0 else 1.0
-        return cls(hours, sum(each.kilometres for each in listed), dict(counts), quality)
+        counts = sum((Counter(part.counts) for part in listed), Counter[str]())
+        hours = sum(part.hours for part in listed)
+        quality = sum(part.quality * part.hours for part in listed) / hours if hours > 0.0 else 1.0
+        return cls(hours, sum(part.kilometres for part in listed), dict(counts), quality)
 
 
 def to_bytes(exposure: Mapping[str, Exposure]) -> bytes:
     """Exposure by recording, for files."""
     return json.dumps(
-        {name: vars(each) for name, each in exposure.items()}, separators=(",", ":")
+        {name: vars(part) for name, part in exposure.items()}, separators=(",", ":")
     ).encode()
 
 
@@ -96,12 +96,12 @@ def from_bytes(content: bytes) -> dict[str, Exposure]:
     try:
         return {
             name: Exposure(
-                float(each["hours"]),
-                float(each["kilometres"]),
-                {kind: int(n) for kind, n in each["counts"].items()},
-                float(each.get("quality", 1.0)),
+                float(values["hours"]),
+                float(values["kilometres"]),
+                {kind: int(n) for kind, n in values["counts"].items()},
+                float(values.get("quality", 1.0)),
             )
-            for name, each in json.loads(content).items()
+            for name, values in json.loads(content).items()
         }
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"no exposure of recordings: {error!r}") from None
@@ -226,7 +226,7 @@ OWN = Path(__file__).with_name("own.parquet")
 """Units of our own recordings of motorways and arterials, by `benchmarks/record.py` and `benchmarks/reconstruct.py --out`."""
 
 Texts = NDArray[np.str_]
-_NAMES = tuple(each.name for each in PARAMETERS.values())
+_NAMES = tuple(parameter.name for parameter in PARAMETERS.values())
 _TEXTS = {"recordings": "recording", "kinds": "kind", "actors": "actor", "others": "other"}
 _TIME, _SPEED, _ERRORS = "time_s", "Ego_Speed_mps", ("RMSE_t_m", "RMSE_s_m")
 _NUMBERS = (_TIME, *_NAMES, _SPEED, *_ERRORS)
@@ -283,7 +283,7 @@ class Samples:
         }
         return cls(
             **columns,
-            exposure={name: each for part in parts for name, each in part.exposure.items()},
+            exposure={name: exposure for part in parts for name, exposure in part.exposure.items()},
         )
 
     def write(self, path: str | PathLike[str]) -> None:
@@ -302,7 +302,7 @@ class Samples:
         # In the file's metadata: recordings without a unit have exposure too, but no row.
         metadata = {_EXPOSURE: to_bytes(self.exposure)} if self.exposure else None
         table = pa.table(
-            texts | {name: np.round(each, DIGITS) for name, each in numbers.items()},
+            texts | {name: np.round(column, DIGITS) for name, column in numbers.items()},
             metadata=metadata,
         )
         with drafted(Path(path)) as draft:
@@ -370,7 +370,7 @@ def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Samples:
         InvalidFile: a recording is malformed.
     """
     found = [extract_from(source, roads) for source in open_data(path, roads).sources]
-    if not any(len(each.theta) for each in found):
+    if not any(len(part.theta) for part in found):
         raise UsageError(
             "no recording has a manoeuvre that the seven parameters describe", path=path
         )
@@ -383,10 +383,12 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
     assert source.report is not None, "the recording has been read"
     motion = lane_motion(prepare(recording, site_of(source, recording, Path(roads)), Rules()))
     every = segment(motion)
-    found = [(unit, each) for unit in every if (each := estimate(motion, unit)) is not None]
+    found = [(unit, fitted) for unit in every if (fitted := estimate(motion, unit)) is not None]
     scene, names = motion.scene, np.array(motion.scene.names, np.str_)
     units = [unit for unit, _ in found]
-    theta = np.array([each.values for _, each in found], np.float64).reshape(-1, len(PARAMETERS))
+    theta = np.array([fitted.values for _, fitted in found], np.float64).reshape(
+        -1, len(PARAMETERS)
+    )
     return Samples(
         theta=theta,
         recordings=np.full(len(units), source.name),
@@ -394,8 +396,8 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
         actors=names[[unit.actor for unit in units]],
         others=names[[unit.other for unit in units]],
         times=scene.time[[unit.start for unit in units]],
-        ego_speeds=np.array([each.other_speed for _, each in found]),
-        jerks=np.array([each.jerk for _, each in found]),
+        ego_speeds=np.array([fitted.other_speed for _, fitted in found]),
+        jerks=np.array([fitted.jerk for _, fitted in found]),
         errors=np.array(
             [errors(motion, unit, row) for unit, row in zip(units, theta, strict=True)]
         ).reshape(-1, 2),

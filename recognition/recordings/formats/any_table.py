@@ -114,21 +114,23 @@ class ColumnsDeclaration(NamedTuple):
             raise InvalidFile(f"step = {step!r} is no number of seconds", path=path)
         if step is None and units.get("time") == "frames":
             raise InvalidFile("time in frames needs a step, s", path=path)
-        factors = {name: each[units.get(name, next(iter(each)))] for name, each in _UNITS.items()}
-        chosen = {name: frame.get(name, each[0]) for name, each in _FRAME.items()}
+        factors = {
+            name: choices[units.get(name, next(iter(choices)))] for name, choices in _UNITS.items()
+        }
+        chosen = {name: frame.get(name, choices[0]) for name, choices in _FRAME.items()}
         return cls(path, columns, factors, chosen, categories, step)
 
 
 def _strings(path: Path, name: str, found: object) -> dict[str, str]:
-    if not isinstance(found, dict) or not all(isinstance(each, str) for each in found.values()):
+    if not isinstance(found, dict) or not all(isinstance(text, str) for text in found.values()):
         raise InvalidFile(f"[{name}] is a table of texts", path=path)
     return found
 
 
 def _among(path: Path, what: str, found: Any, known: tuple[str, ...]) -> None:
-    for each in found:
-        if each not in known:
-            raise InvalidFile(f"{each!r} is no {what}; known are {', '.join(known)}", path=path)
+    for name in found:
+        if name not in known:
+            raise InvalidFile(f"{name!r} is no {what}; known are {', '.join(known)}", path=path)
 
 
 class DeclaredTables(NamedTuple):
@@ -149,7 +151,7 @@ class DeclaredTables(NamedTuple):
 
 def _beside(path: Path) -> Path | None:
     own = path.with_suffix(f".{_FILE}"), path.parent / _FILE
-    return next((each for each in own if each.is_file()), None)
+    return next((file for file in own if file.is_file()), None)
 
 
 def claims(path: Path) -> bool:

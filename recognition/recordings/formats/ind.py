@@ -179,7 +179,7 @@ def _read(path: Path, rate: float) -> tuple[Recording, Report]:
     )
     # Headings are in degrees, unlike INTERACTION's.
     h = np.radians(table["heading"][rows.order])
-    speed, acceleration = (_along(h, *each) for each in ((vx, vy), (ax, ay)))
+    speed, acceleration = (_along(h, *vector) for vector in ((vx, vy), (ax, ay)))
     columns = columns_of(rows, who, x, y, h, speed, acceleration)
     return Recording(cut(*smoothed(rows, who, columns, report)), 1.0 / rate, None), report
 

@@ -124,8 +124,8 @@ def _has_phases(folder: Path) -> bool:
     """Whether phases of traffic lights were recorded at the place of a folder (k733 of k733_2018-05-02), on whatever day."""
     place = folder.name.split("_")[0]
     return any(
-        each.parent.name.split("_")[0] == place
-        for each in folder.parent.glob("*/signal_phases_*.csv")
+        file.parent.name.split("_")[0] == place
+        for file in folder.parent.glob("*/signal_phases_*.csv")
     )
 
 
@@ -208,9 +208,9 @@ def _tracks(
     table: Table, step: float, taken: frozenset[str] = frozenset()
 ) -> tuple[list[Track], Report]:
     """Tracks of a table, with names unlike those `taken`."""
-    each = [name.removesuffix(".0") for name in table["track_id"]]
-    number = {name: index for index, name in enumerate(dict.fromkeys(each))}
-    track = np.fromiter((number[name] for name in each), np.int64, len(table))
+    row_names = [name.removesuffix(".0") for name in table["track_id"]]
+    number = {name: index for index, name in enumerate(dict.fromkeys(row_names))}
+    track = np.fromiter((number[name] for name in row_names), np.int64, len(table))
     clock = Clock("timestamp_ms", table["timestamp_ms"], _MILLISECONDS, step)
     rows = in_order(table, track, clock, names=list(number), repeats=True)
     names = [_free(name, taken, number) for name in number]

@@ -62,13 +62,13 @@ def _read(path: Path) -> tuple[Recording, Report]:
     # The time of change is part of the key: a trace that was written anew is read anew.
     found = _trace(path, path.stat().st_mtime_ns)
     tracks = [
-        Track(each.name, each.kind, each.category, each.box, each.read)
-        for each in found.recording.tracks.values()
+        Track(track.name, track.kind, track.category, track.box, track.read)
+        for track in found.recording.tracks.values()
     ]
     recording = Recording(tracks, found.recording.timestep, None)
-    exclusions = [Exclusion(*each) for each in found.left_out]
+    exclusions = [Exclusion(*omission) for omission in found.left_out]
     report = Report(
-        sum(len(each.columns["time"]) for each in tracks),
+        sum(len(track.columns["time"]) for track in tracks),
         len(tracks),
         exclusions=exclusions,
         remarks=[*found.remarks],

@@ -137,7 +137,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
             path=path,
         )
     exclusions += oversized
-    names = [each.who.name for each in objects]
+    names = [recorded.who.name for recorded in objects]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InvalidFile(f"two objects have the id {twice}", path=path, element="objects")
@@ -145,13 +145,15 @@ def _read(path: Path) -> tuple[Recording, Report]:
         raise InvalidFile(
             f"object {ego}, the recording vehicle, has no valid step", path=path, element="metadata"
         )
-    step, x, y, h, vx, vy = np.concatenate([each.values for each in objects]).T
-    track: IntArray = np.repeat(np.arange(len(objects)), [len(each.values) for each in objects])
+    step, x, y, h, vx, vy = np.concatenate([recorded.values for recorded in objects]).T
+    track: IntArray = np.repeat(
+        np.arange(len(objects)), [len(recorded.values) for recorded in objects]
+    )
     table = Table(path, {"step": step.astype(np.int64)}, lines=False)
     rows = in_order(table, track, Clock("step", table["step"], 1.0 / _STEP, _STEP), names=names)
     report = rows.report(names)
     report.exclusions += exclusions
-    who = [each.who for each in objects]
+    who = [recorded.who for recorded in objects]
     speed = vx * np.cos(h) + vy * np.sin(h)
     report.remarks.append("accelerations are derived from the speeds")
     report.remarks.append(f"vehicles longer than {_LONG:g} m are taken for trucks")
@@ -195,14 +197,14 @@ def _lights(path: Path) -> LightStates | None:
             )
         if not all(type(step) is int and step >= 0 for step in index):
             raise InvalidFile("time_index holds numbers of steps", path=path, element=element)
-        at = _numbers([each[0] for each in places], "x or y", path, element)
+        at = _numbers([place[0] for place in places], "x or y", path, element)
         found.append(dict(zip(index, map(str, states), strict=True)))
         x.append(float(at[0]))
         y.append(float(at[1]))
         steps = max(steps, 1 + max(index))
     if not found:
         return None
-    states_of = tuple(tuple(each.get(step, "unknown") for step in range(steps)) for each in found)
+    states_of = tuple(tuple(light.get(step, "unknown") for step in range(steps)) for light in found)
     return LightStates(
         np.array(x), np.array(y), np.array([_STEP * step for step in range(steps)]), states_of
     )
@@ -221,7 +223,7 @@ def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Obje
             f"type {kind!r} is none of {', '.join(_CATEGORIES)}", path=path, element=element
         )
     valid = value(one, "valid", list, path, element)
-    if "id" not in one or not all(isinstance(each, bool) for each in valid):
+    if "id" not in one or not all(isinstance(flag, bool) for flag in valid):
         raise InvalidFile(
             "there is no id, or valid has other values than true and false",
             path=path,
@@ -264,16 +266,20 @@ def _vectors(
             f"{key} has {len(listed)} values for {count} steps", path=path, element=element
         )
     chosen = [listed[step] for step in steps]
-    if not all(isinstance(each, dict) for each in chosen):
+    if not all(isinstance(vector, dict) for vector in chosen):
         raise InvalidFile(f"{key} is no list of x and y", path=path, element=element)
     return _numbers(
-        [each.get(axis) for each in chosen for axis in "xy"], key, path, element
+        [vector.get(axis) for vector in chosen for axis in "xy"], key, path, element
     ).reshape(-1, 2)
 
 
 def _numbers(values: list[Any], what: str, path: Path, element: str) -> FloatArray:
     wrong = next(
-        (each for each in values if type(each) not in (int, float) or not abs(each) <= GREATEST),
+        (
+            value
+            for value in values
+            if type(value) not in (int, float) or not abs(value) <= GREATEST
+        ),
         None,
     )
     if wrong is not None or None in values:
@@ -344,6 +350,6 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
         lanelets,
         path.stem,
         folder,
-        [each for each in crosswalks if len(each.outline) > 2],
+        [crosswalk for crosswalk in crosswalks if len(crosswalk.outline) > 2],
         [*notes, *inferred],
     )

@@ -121,7 +121,7 @@ class Observations(NamedTuple):
         rows = slice(int(self.starts[first]), int(self.starts[last]))
         columns = ("time", "x", "y", "h", "speed", "trusted", "off", "facing", "behind")
         cut = {name: getattr(self, name)[rows] for name in columns}
-        bounds = Bounds(*(each[rows] for each in self.bounds))
+        bounds = Bounds(*(bound[rows] for bound in self.bounds))
         return self._replace(
             starts=self.starts[first : last + 1] - self.starts[first], bounds=bounds, **cut
         )
@@ -243,7 +243,7 @@ def _backwards(
         own = [stretch for _, stretch in group]
         turns = [_turns_back(motion[a[1]], motion[b[0]]) for a, b in pairwise(own)]
         parity = np.append(0, np.cumsum(turns)) % 2
-        fast = [i for i, each in enumerate(own) if _fast(seen, each, speed)]
+        fast = [i for i, piece in enumerate(own) if _fast(seen, piece, speed)]
         if fast:
             near = np.array(fast)[
                 np.maximum(np.searchsorted(fast, np.arange(len(own)), side="right") - 1, 0)
@@ -251,11 +251,11 @@ def _backwards(
             back = parity != parity[near]
         else:
             agree = sum(
-                (1 - 2 * p) * _agreement(seen, each, speed, motion)
-                for p, each in zip(parity, own, strict=True)
+                (1 - 2 * p) * _agreement(seen, piece, speed, motion)
+                for p, piece in zip(parity, own, strict=True)
             )
             back = parity != (agree < 0.0)
-        yield from (each for each, reverse in zip(own, back, strict=True) if reverse)
+        yield from (piece for piece, reverse in zip(own, back, strict=True) if reverse)
 
 
 def _turns_back(before: float, after: float) -> bool:

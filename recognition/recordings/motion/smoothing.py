@@ -225,7 +225,7 @@ def smoothed(
     kept = without(rest.rows, wrong)
     rows, columns = rest.rows.among(kept), {name: values[kept] for name, values in columns.items()}
     _tell_hard(
-        report, rows, who, columns["acceleration"], Bounds(*(each[kept] for each in seen.bounds))
+        report, rows, who, columns["acceleration"], Bounds(*(bound[kept] for bound in seen.bounds))
     )
     return Smoothed(rows, who, columns)
 

@@ -236,10 +236,10 @@ class PrincipalAxes(NamedTuple):
 
     def project(self, parts: Sequence[Features]) -> Features:
         """Coordinates (n, c) along the axes of samples whose features are in these parts, each (n, .)."""
-        each = zip(self.prototypes, parts, _WEIGHTS, strict=False)
+        weighted = zip(self.prototypes, parts, _WEIGHTS, strict=False)
         return (
             np.concatenate(
-                [weight * unit(one.standardise(part)) for one, part, weight in each], axis=1
+                [weight * unit(one.standardise(part)) for one, part, weight in weighted], axis=1
             )
             @ self.axes
         )

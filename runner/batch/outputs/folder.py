@@ -203,7 +203,9 @@ def _setup(values: Mapping[str, Any]) -> Setup:
 def _verdict(values: Mapping[str, Any]) -> Verdict:
     """The verdict; runs of earlier versions have no causes, and no evidence, which is none that they passed."""
     failures = tuple(map(str, values["reasons"])) if values["verdict"] == FAILED else ()
-    causes = tuple(Cause(str(each["name"]), str(each["text"])) for each in values.get("causes", ()))
+    causes = tuple(
+        Cause(str(cause["name"]), str(cause["text"])) for cause in values.get("causes", ())
+    )
     verdict = Verdict(failures, causes, _criteria(values), _evidence(values))
     if verdict.outcome != values["verdict"] and "evidence" in values:
         raise ValueError(f"the verdict {values['verdict']!r} does not follow from its reasons")
@@ -214,14 +216,14 @@ def _evidence(values: Mapping[str, Any]) -> tuple[RunEvidence, ...]:
     """Evidence of the run."""
     return tuple(
         RunEvidence(
-            str(each["name"]),
-            _number(each, "value"),
-            None if each["planned"] is None else int(_number(each, "planned", 0.0)),
-            str(each["unit"]),
-            _number(each, "least", 0.0),
-            tuple(map(str, each["texts"])),
+            str(row["name"]),
+            _number(row, "value"),
+            None if row["planned"] is None else int(_number(row, "planned", 0.0)),
+            str(row["unit"]),
+            _number(row, "least", 0.0),
+            tuple(map(str, row["texts"])),
         )
-        for each in values.get("evidence", ())
+        for row in values.get("evidence", ())
     )
 
 
@@ -230,14 +232,14 @@ def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:
     states = {"passed": True, "failed": False, "not judged": None}
     return tuple(
         CriterionResult(
-            str(each["name"]),
-            str(each["entity"]),
-            states[each["result"]],
-            None if each["value"] is None else _number(each, "value"),
-            str(each["unit"]),
-            str(each["reason"]),
+            str(criterion["name"]),
+            str(criterion["entity"]),
+            states[criterion["result"]],
+            None if criterion["value"] is None else _number(criterion, "value"),
+            str(criterion["unit"]),
+            str(criterion["reason"]),
         )
-        for each in values.get("criteria", ())
+        for criterion in values.get("criteria", ())
     )
 
 

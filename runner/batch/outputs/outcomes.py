@@ -119,11 +119,11 @@ def _is_judged(result: RunResult, settings: RunSettings) -> bool:
         return False
     if not set(exceeded(result, settings.limits)) <= set(verdict.failures):
         return False
-    evidence = {each.name: each for each in verdict.evidence}
+    evidence = {row.name: row for row in verdict.evidence}
     least = settings.least_values
     if not evidence.keys() <= ROWS.keys():
         return False
-    if any(each.least != least.get(name, ROWS[name].least) for name, each in evidence.items()):
+    if any(row.least != least.get(name, ROWS[name].least) for name, row in evidence.items()):
         return False
     times = {"seconds": result.end_time}
     if result.ego is None and "ego_seconds" in evidence:
@@ -144,4 +144,4 @@ def _is_contact(result: RunResult) -> bool:
     if result.ego is not None:
         return result.criticality is not None and result.criticality.impact is not None
     found = (of_recording(result.recording, name) for name in result.recording.tracks)
-    return any(each is not None and each.impact is not None for each in found)
+    return any(measures is not None and measures.impact is not None for measures in found)

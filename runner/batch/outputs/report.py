@@ -82,16 +82,16 @@ def criteria(verdict: Verdict) -> list[dict[str, Any]]:
     """Results of criteria as JSON-able values: result, name, entity, value (null where nothing was measured), unit, reason."""
     return [
         {
-            "result": each.state,
-            **{key: value for key, value in each._asdict().items() if key != "passed"},
+            "result": criterion.state,
+            **{key: value for key, value in criterion._asdict().items() if key != "passed"},
         }
-        for each in verdict.criteria
+        for criterion in verdict.criteria
     ]
 
 
 def evidence(verdict: Verdict) -> list[dict[str, Any]]:
     """Evidence as JSON-able values: name, value, planned (null where nothing was), unit, least, texts on what is missing."""
-    return [{**each._asdict(), "texts": list(each.texts)} for each in verdict.evidence]
+    return [{**row._asdict(), "texts": list(row.texts)} for row in verdict.evidence]
 
 
 def evidence_text(each: Mapping[str, Any]) -> str:
@@ -110,13 +110,13 @@ def evidence_table(verdict: Verdict) -> list[dict[str, Any]]:
 
     return [
         {
-            "name": each["name"],
-            "value": evidence_text(each),
-            "least": least_text(each["least"], each["unit"]),
-            "enough": not each["texts"],
-            "meaning": ROWS[each["name"]].meaning if each["name"] in ROWS else "",
+            "name": row["name"],
+            "value": evidence_text(row),
+            "least": least_text(row["least"], row["unit"]),
+            "enough": not row["texts"],
+            "meaning": ROWS[row["name"]].meaning if row["name"] in ROWS else "",
         }
-        for each in evidence(verdict)
+        for row in evidence(verdict)
     ]
 
 
@@ -173,7 +173,7 @@ def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "sk
             "inconclusive": inconclusive,
             "loaded": "skipped",
         }
-        tags = [kinds.get(each.state) for each in members]
+        tags = [kinds.get(member.state) for member in members]
         suite = etree.SubElement(
             suites,
             "testsuite",
@@ -204,8 +204,8 @@ def _add_properties(case: etree._Element, outcome: Outcome) -> None:
     """State, evidence and results of criteria."""
     properties = etree.SubElement(case, "properties")
     found = {"state": outcome.state}
-    for each in outcome.evidence:
-        found[f"evidence_{each['name']}"] = evidence_text(each)
+    for row in outcome.evidence:
+        found[f"evidence_{row['name']}"] = evidence_text(row)
     for result in outcome.criteria:
         name = " ".join(text for text in (f"criteria_{result['name']}", result["entity"]) if text)
         found[name] = f"{result['result']}: {result['reason']}"

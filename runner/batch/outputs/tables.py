@@ -222,12 +222,12 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "message": _text(outcome.message),
         "remarks": [_text(remark) for remark in outcome.remarks],
         "causes": outcome.causes,
-        "evidence": [(each["name"], each["value"]) for each in outcome.evidence],
+        "evidence": [(row["name"], row["value"]) for row in outcome.evidence],
         **_contact(outcome.impact),
     }
-    for name, each in measures().items():
+    for name, measure in measures().items():
         found = outcome.measures.get(name)
-        if each.is_extreme:
+        if measure.is_extreme:
             extreme = found or {}
             row |= {
                 name: extreme.get("value"),
@@ -277,10 +277,10 @@ def schema() -> pa.Schema:
     fields["causes"] = pa.list_(text)
     fields["evidence"] = pa.map_(text, number)
     fields |= dict(zip(CONTACT, (text, number, number, pa.bool_()), strict=True))
-    for name, each in measures().items():
+    for name, measure in measures().items():
         fields |= (
             {name: number, f"{name}_time": number, f"{name}_other": text}
-            if each.is_extreme
+            if measure.is_extreme
             else {name: number}
         )
     return pa.schema(list(fields.items()))

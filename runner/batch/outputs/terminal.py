@@ -253,12 +253,8 @@ def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
     """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line, without shares of times."""
     from runner.batch.outputs.report import evidence_text  # needs lxml
 
-    told = (
-        each for each in evidence if each["unit"] != "yes" and not each["name"].endswith("_share")
-    )
-    return ", ".join(
-        f"{each['name'].removesuffix('_seconds')} {evidence_text(each)}" for each in told
-    )
+    told = (row for row in evidence if row["unit"] != "yes" and not row["name"].endswith("_share"))
+    return ", ".join(f"{row['name'].removesuffix('_seconds')} {evidence_text(row)}" for row in told)
 
 
 def _title(outcome: Outcome) -> str:

@@ -100,7 +100,8 @@ class ActivateControllerAction(PrivateAction):
         """Build from an ActivateControllerAction element."""
         name = node.get("objectControllerRef", node.get("controllerRef", ""))
         if name and all(
-            name != each.get("name", "") for each in context.document.node.iter("Controller")
+            name != controller.get("name", "")
+            for controller in context.document.node.iter("Controller")
         ):
             context.repair(
                 node, CONTROLLER_UID, f"there is no controller {name!r}; the entity's own is meant"

@@ -39,7 +39,7 @@ _TILT = "xosc.toolchain:xosc:1.0.0:positioning.surface_while_driving"
 def _position(node: Node, context: Context) -> Position:
     """The position of an action, with a remark on angles that it has only while the entity stands."""
     holder = node.need("Position")
-    tilted = next((each for each in holder.iter() if each.has("p") or each.has("r")), None)
+    tilted = next((node for node in holder.iter() if node.has("p") or node.has("r")), None)
     if (
         context.network is not None
         and tilted is not None

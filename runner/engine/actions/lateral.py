@@ -460,7 +460,7 @@ class _Sideways(BatchProcess):
                 alike &= run.entities[other.name].alike(first, left)
             lanes = actor.section_key[first]
             one = np.arange(run.n) == first
-            run.one_by_one(actor, one, references, lambda each, _: action.aim(each, run.single))
+            run.one_by_one(actor, one, references, lambda entity, _: action.aim(entity, run.single))
             if alike[first] and run.going[first] and lanes == actor.section_key[first]:
                 actor.change_lane(first, alike & ~one)
                 left &= ~alike
@@ -477,7 +477,10 @@ class _Sideways(BatchProcess):
             actor.target_offset[at_once] = (goal * actor.direction)[at_once]
             actor.path_compensated[at_once] = self.compensated
             run.one_by_one(
-                actor, at_once, (), lambda each, _: each.controls.motion.advance(each, 0.0, run.dt)
+                actor,
+                at_once,
+                (),
+                lambda entity, _: entity.controls.motion.advance(entity, 0.0, run.dt),
             )
             run.roads.stay_batch(actor, at_once)
             return rows & ~at_once

@@ -81,7 +81,7 @@ class _Gaps:
     def __call__(self, entity: Entity, lane: int, way: float) -> bool:
         """Whether one is in the way of a change to a lane along a way (m); a new one is logged."""
         run = self._run
-        present = (each for each in run.entities.values() if each.active and each.placed)
+        present = (entity for entity in run.entities.values() if entity.active and entity.placed)
         duration = way / max(abs(entity.speed), _SLOWEST)
         found = blocker(entity, lane, duration, present, run.roads)
         if found is not None and found is not self._blocker:
@@ -112,13 +112,11 @@ def tell_missed(route: AssignedRoute, actor: Entity, run: Run, nodes: Sequence[N
         if ahead != leg.forward and leg.length > _REACHED:
             text = f"{actor.name} drives away from its route at s = {here.s:.1f} m of road {here.road_id}"
             run.remarks.note(nodes[0].remark(LANES_UID, f"{text}; it does not turn round"))
-    for each in route.missed(here) if here is not None else ():
-        road = route.path.legs[each.leg].road_id
-        text = (
-            f"no lane leads {actor.name} to lane {each.lane} of road {road} at s = {each.s:.1f} m"
-        )
+    for checkpoint in route.missed(here) if here is not None else ():
+        road = route.path.legs[checkpoint.leg].road_id
+        text = f"no lane leads {actor.name} to lane {checkpoint.lane} of road {road} at s = {checkpoint.s:.1f} m"
         run.remarks.note(
-            nodes[each.number].remark(LANES_UID, f"{text}; it passes there in another lane")
+            nodes[checkpoint.number].remark(LANES_UID, f"{text}; it passes there in another lane")
         )
 
 

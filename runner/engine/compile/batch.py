@@ -253,9 +253,9 @@ def picked(element: Any, number: int) -> Any:
     if not is_dataclass(element) or isinstance(element, type):
         return element
     changed = {
-        each.name: new
-        for each in fields(element)
-        if each.init and (new := picked(old := getattr(element, each.name), number)) is not old
+        field.name: new
+        for field in fields(element)
+        if field.init and (new := picked(old := getattr(element, field.name), number)) is not old
     }
     return replace(element, **changed) if changed else element
 

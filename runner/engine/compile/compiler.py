@@ -244,7 +244,9 @@ class ScenarioContext:
                 f"an element EntityRef is expected inside; without one the condition is {truth} true",
                 "empty",
             )
-        elif (other := inner.get("entityRef", "")) and {each.name for each in entities} == {other}:
+        elif (other := inner.get("entityRef", "")) and {entity.name for entity in entities} == {
+            other
+        }:
             self.repair(
                 inner, OTHER_ENTITY_UID, f"{other!r} is compared with itself, which never changes"
             )
@@ -272,7 +274,7 @@ class ScenarioContext:
     def _varies(self, node: Node) -> bool:
         """Whether an element has numbers that vary between the parameter sets for which it is read."""
         return self.many and any(
-            MARK in text for each in node.iter() for text in each.element.attrib.values()
+            MARK in text for part in node.iter() for text in part.element.attrib.values()
         )
 
     def _rebuilt(self, family: registry.Registry, node: Node) -> tuple[Any, bool]:
@@ -290,7 +292,8 @@ class ScenarioContext:
 def _initial_values(declared: Mapping[str, ParameterDeclaration]) -> dict[str, Any]:
     """Initial values by name; columns where they vary between the sets for which the document is read."""
     return {
-        name: each.value if each.column is None else each.column for name, each in declared.items()
+        name: parameter.value if parameter.column is None else parameter.column
+        for name, parameter in declared.items()
     }
 
 
@@ -370,7 +373,7 @@ def _check_mirror(context: ScenarioContext) -> None:
     positions = list(document.node.iter("WorldPosition")) if document.mirrored else []
     if network is None or not positions:
         return
-    places = [(each.finite("x"), each.finite("y")) for each in positions]
+    places = [(position.finite("x"), position.finite("y")) for position in positions]
     if any(_on_road(network, x, y) for x, y in places):
         return
     if all(_on_road(network, x, -y) for x, y in places):

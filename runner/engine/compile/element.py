@@ -120,9 +120,9 @@ class _Rebuilt:
     def __init__(self, node: Node, build: Callable[[Node], tuple[Any, bool]]) -> None:
         self._node, self._build = node, build
         self._varying = [
-            (each.element, name, current().of(str(text)).view(np.ndarray))
-            for each in node.iter()
-            for name, text in each.element.attrib.items()
+            (inner.element, name, current().of(str(text)).view(np.ndarray))
+            for inner in node.iter()
+            for name, text in inner.element.attrib.items()
             if str(text).startswith(MARK)
         ]
         self._number, self.repaired = -1, False
@@ -344,12 +344,12 @@ class ByEntityCondition(Condition):
 
     def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
         """The expressions of all entities, combined."""
-        each = [self.condition.in_arrays(run.entities[e.name], run) for e in self.entities]
+        expressions = [self.condition.in_arrays(run.entities[e.name], run) for e in self.entities]
         combine = np.logical_and if self.every else np.logical_or
 
         def evaluate() -> BoolArray:
             found = np.full(run.n, self.every)
-            for holds in each:
+            for holds in expressions:
                 found = combine(found, holds())
             return found
 

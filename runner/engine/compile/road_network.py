@@ -118,7 +118,7 @@ def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     path = cache_folder("roads") / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
     _keep(content, path)
     roads = ", ".join(
-        f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used
+        f"{road.road_id} ({road.right} + {road.left} lanes, {road.length:g} m)" for road in used
     )
     instead = (
         f"the road network {logic.get('filepath')!r} does not exist"

@@ -210,12 +210,12 @@ def _by_speeds(first: float, last: float, span: float, way: float) -> list[tuple
         return [(half, (middle - first) / half), (half, (last - middle) / half)]
     # The middle would have to be negative: it brakes to 0, waits, and starts. Both ramps take the
     # time in which their ways add up to the whole.
-    each = 2.0 * way / (first + last)
-    if each <= 0.0:
+    ramp = 2.0 * way / (first + last)
+    if ramp <= 0.0:
         raise ValueError(
             f"a speed of {max(first, last):g} m/s is prescribed where the times ask to stand"
         )
-    return [(each, -first / each), (span - 2.0 * each, 0.0), (each, last / each)]
+    return [(ramp, -first / ramp), (span - 2.0 * ramp, 0.0), (ramp, last / ramp)]
 
 
 def _by_accelerations(

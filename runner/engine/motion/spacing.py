@@ -360,7 +360,7 @@ def directed_batch(
     if not freespace:
         return side * apart, known
     # At most one of the two terms is not 0; overlapping intervals have a gap of 0.
-    (low_a, high_a), (low_b, high_b) = (_extent_batch(each, ahead) for each in (a, b))
+    (low_a, high_a), (low_b, high_b) = (_extent_batch(entity, ahead) for entity in (a, b))
     gap = np.maximum(apart + low_b - high_a, 0.0) + np.minimum(apart + high_b - low_a, 0.0)
     return side * gap, known
 

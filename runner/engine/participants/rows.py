@@ -214,7 +214,7 @@ class EntityRows(RunRows):
         )
         bent = self.curvature != 0.0
         line = x, y, self.start_h
-        return tuple(np.where(bent, *each) for each in zip(arc, line, strict=True))
+        return tuple(np.where(bent, *pair) for pair in zip(arc, line, strict=True))
 
     def spread(self, row: int, rows: BoolArray, s: FloatArray) -> BoolArray:
         """Put the entity in some runs where one of them has it, but at other s on its line or arc.
@@ -271,8 +271,8 @@ class EntityRows(RunRows):
             return
         if self.section_key[row] != id(section):
             known = all(
-                each.outer.constant is not None and (not each.id or each.type != "none")
-                for each in section.lanes.values()
+                lane.outer.constant is not None and (not lane.id or lane.type != "none")
+                for lane in section.lanes.values()
             )
             self.edge_right[row], self.edge_left[row] = (
                 road.edges(entity.s) if known else (np.nan, np.nan)

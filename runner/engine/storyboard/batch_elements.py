@@ -247,7 +247,7 @@ class BatchTrigger:
     """
 
     def __init__(self, trigger: Trigger, run: StoryboardBatch, where: str) -> None:
-        self.groups = [[_Timed(each, run, where) for each in group] for group in trigger.groups]
+        self.groups = [[_Timed(timed, run, where) for timed in group] for group in trigger.groups]
         self.fired = np.zeros(run.n, np.int64)
         """index of the first group that was true when it was evaluated last (n,)"""
 
@@ -365,7 +365,7 @@ class BatchEvent(BatchElement):
     def begin(self, rows: BoolArray) -> None:
         """Start, or be skipped, because the trigger has fired."""
         assert self.parent is not None
-        others = [each for each in self.parent.children if each is not self]
+        others = [child for child in self.parent.children if child is not self]
         self._executions[rows] += 1
         if self.event.priority == "skip":
             busy = np.zeros_like(rows)

@@ -228,8 +228,12 @@ class BatchSimulation(RunRows):
         self._stories = [self._element(story, None) for story in board.stories]
         acts = [act for act in self.elements.values() if isinstance(act, BatchAct)]
         self._acts = acts
-        self.events = [each for each in self.elements.values() if isinstance(each, BatchEvent)]
-        self._groups = [each for each in self.elements.values() if isinstance(each, BatchGroup)]
+        self.events = [
+            element for element in self.elements.values() if isinstance(element, BatchEvent)
+        ]
+        self._groups = [
+            element for element in self.elements.values() if isinstance(element, BatchGroup)
+        ]
         self._init = [
             BatchActionElement(element, None, self, [self.entities[actor.name]] if actor else [])
             for actor, element in ordered_init(board.init)
@@ -311,8 +315,8 @@ class BatchSimulation(RunRows):
         needed = [self.entities[other.name] for other in others if other.name != actor.name]
         # Entities of the compiled scenario serve as the working copy of one row after the other.
         for row in np.flatnonzero(rows & self.going):
-            for each in needed:
-                each.load(row)
+            for partner in needed:
+                partner.load(row)
             entity = actor.load(row)
             try:
                 act(entity, int(row))

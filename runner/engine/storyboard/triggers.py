@@ -197,9 +197,9 @@ class Trigger:
                 )
             groups.append(
                 [
-                    context.timed_condition(each)
-                    for each in conditions
-                    if not (stop and is_criterion(each))
+                    context.timed_condition(condition)
+                    for condition in conditions
+                    if not (stop and is_criterion(condition))
                 ]
             )
         groups = [group for group in groups if group]

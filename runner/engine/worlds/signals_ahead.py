@@ -93,10 +93,10 @@ def stop_line(signals: Sequence[SignalAhead], speed: float) -> StopLine | None:
 
     A yellow light does where a comfortable stop is possible.
     """
-    for each in signals:
-        safe = each.distance >= speed * speed / (2.0 * _COMFORTABLE)
-        if each.aspect in STOPS or (each.aspect is Aspect.YELLOW and safe):
-            return StopLine(each.signal, each.distance)
+    for signal in signals:
+        safe = signal.distance >= speed * speed / (2.0 * _COMFORTABLE)
+        if signal.aspect in STOPS or (signal.aspect is Aspect.YELLOW and safe):
+            return StopLine(signal.signal, signal.distance)
     return None
 
 
@@ -141,7 +141,7 @@ class SignalHorizon:
         if key != self._key:
             self._key, self._found = (
                 key,
-                sorted(self._look(point, forward, guide), key=lambda each: each.at),
+                sorted(self._look(point, forward, guide), key=lambda signal: signal.at),
             )
         gone = point.s if forward else -point.s
         return [

@@ -70,7 +70,9 @@ class _Kept:
         self._calls.append(
             _Places(
                 entities,
-                array("d", [value for each in entities for value in (each.x, each.y, each.h)]),
+                array(
+                    "d", [value for entity in entities for value in (entity.x, entity.y, entity.h)]
+                ),
             )
         )
         self._size += len(entities)

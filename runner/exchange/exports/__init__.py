@@ -68,8 +68,8 @@ def target_of(name: str) -> ExportTarget | None:
 def target_lines() -> list[tuple[str, str, str]]:
     """Name, source (a run, the file, a plug-in) and summary of all targets; no plug-in is imported."""
     own = [
-        (each.name, "a run" if each.of_run else "the file", each.summary)
-        for each in TARGETS.values()
+        (target.name, "a run" if target.of_run else "the file", target.summary)
+        for target in TARGETS.values()
     ]
     return own + [
         (name, "plug-in", f"of {entry.module}, installed by pip")

@@ -139,7 +139,7 @@ def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element
     lights = VehicleLights(result.events)
     others = [track for track in tracks.values() if track.name != result.ego]
     standing = [track for track in others if stands(track)]
-    for track in (*standing, *(each for each in others if each not in standing)):
+    for track in (*standing, *(track for track in others if track not in standing)):
         element = _obstacle(track, track in standing, next(numbers), result.recording.timestep)
         if track not in standing:
             _add_lights(element, track, lights)
@@ -304,11 +304,11 @@ def _waiting(first: etree._Element) -> Iterable[etree._Element]:
 def _goal_row(result: RunResult) -> int:
     """Row of the ego's track with its goal: the last one, or the last before its first contact."""
     times = result.recording.tracks[str(result.ego)].columns["time"]
-    contacts = [each for each in result.events if each.kind == "collision"]
+    contacts = [event for event in result.events if event.kind == "collision"]
     touched = [
-        each.time
-        for each in contacts
-        if each.subject == result.ego or each.text == f"touches {result.ego}"
+        contact.time
+        for contact in contacts
+        if contact.subject == result.ego or contact.text == f"touches {result.ego}"
     ]
     before = np.flatnonzero(times < min(touched, default=np.inf) - result.recording.timestep / 2)
     return int(before[-1]) if len(before) else len(times) - 1
@@ -432,8 +432,8 @@ def map_elements(
     ids = {lanelet.key: str(next(numbers)) for lanelet in lanes}
     limits = sorted({lanelet.limit for lanelet in lanes if lanelet.limit is not None})
     limit_ids = {limit: str(next(numbers)) for limit in limits}
-    signs = [(str(next(numbers)), *each) for each in signals.signs]
-    lights = [(str(next(numbers)), *each) for each in signals.lights]
+    signs = [(str(next(numbers)), *sign) for sign in signals.signs]
+    lights = [(str(next(numbers)), *light) for light in signals.lights]
     sign_refs, light_refs = _refs(signs), _refs(lights)
     heights = any(
         bool(np.any(lanelet.left[:, 2])) or bool(np.any(lanelet.right[:, 2])) for lanelet in lanes

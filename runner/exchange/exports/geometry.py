@@ -96,8 +96,10 @@ class RunnerGeometry:
 
     def _first_time(self, node: Node, transition: Transition) -> float | None:
         """When (s) the innermost element of the storyboard around a node first makes a transition; names may be used twice."""
-        around = (self._numbers.get(each) for each in (node.element, *node.element.iterancestors()))
-        number = next((each for each in around if each is not None), None)
+        around = (
+            self._numbers.get(element) for element in (node.element, *node.element.iterancestors())
+        )
+        number = next((number for number in around if number is not None), None)
         return self._whole[1][number].first.get(transition) if number is not None else None
 
     def starts(self) -> Mapping[str, InitialState]:
@@ -122,7 +124,7 @@ class RunnerGeometry:
         track = self._whole[0].tracks.get(entity)
         if track is None:
             return []
-        time, x, y, z = (track.columns[each] for each in ("time", "x", "y", "z"))
+        time, x, y, z = (track.columns[name] for name in ("time", "x", "y", "z"))
         rows = np.flatnonzero((time > begin - _SAME) & (time < end + _SAME))
         return [
             Vertex(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin)
@@ -147,7 +149,7 @@ class RunnerGeometry:
             :1
         ]  # a step after it, which it has driven on
         for x, y, z, h, speed in zip(
-            *(track.columns[each][rows] for each in ("x", "y", "z", "h", "speed")), strict=True
+            *(track.columns[name][rows] for name in ("x", "y", "z", "h", "speed")), strict=True
         ):
             gone = float(speed) * self._settings.timestep
             return Vertex(
@@ -300,7 +302,7 @@ def _keep_first(scenario: Node) -> None:
     for private in storyboard.need("Init").iter("Private"):
         placed = any(True for _ in private.iter("TeleportAction"))
         for action in private.children("PrivateAction"):
-            if any(placed or each.tag != "RoutingAction" for each in action.iter(*_GOES_ON)):
+            if any(placed or node.tag != "RoutingAction" for node in action.iter(*_GOES_ON)):
                 private.element.remove(action.element)
 
 
@@ -329,8 +331,8 @@ def _at(track: TimedPath, s: float, time: float | None) -> Vertex:
 def _time(timed: Mapping[float, float], s: float) -> float | None:
     """The time at s, between known ones at constant speed."""
     known = sorted(timed)
-    before = [each for each in known if each <= s]
-    after = [each for each in known if each >= s]
+    before = [station for station in known if station <= s]
+    after = [station for station in known if station >= s]
     if not before or not after:
         return None
     a, b = before[-1], after[0]

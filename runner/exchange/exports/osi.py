@@ -64,8 +64,12 @@ def host_of(truth: Any) -> tuple[Any, Any] | None:
     """Timestamp and host vehicle of a GroundTruth; None where the host is not there."""
     if not truth.HasField("host_vehicle_id"):
         return None
-    found = (each for each in truth.moving_object if each.id.value == truth.host_vehicle_id.value)
-    return next(((truth.timestamp, each) for each in found), None)
+    found = (
+        vehicle
+        for vehicle in truth.moving_object
+        if vehicle.id.value == truth.host_vehicle_id.value
+    )
+    return next(((truth.timestamp, host) for host in found), None)
 
 
 def traffic(osi: Osi, hosts: Sequence[tuple[Any, Any]]) -> Iterator[tuple[str, Any]]:
@@ -90,9 +94,9 @@ def traffic(osi: Osi, hosts: Sequence[tuple[Any, Any]]) -> Iterator[tuple[str, A
     yield COMMAND, command
     for time, host in hosts:
         update = types[UPDATE](version=osi.interface_version, timestamp=time)
-        each = update.update.add(id=host.id)
+        entry = update.update.add(id=host.id)
         for field in _DYNAMIC:
-            getattr(each.base, field).CopyFrom(getattr(host.base, field))
+            getattr(entry.base, field).CopyFrom(getattr(host.base, field))
         yield UPDATE, update
 
 
@@ -265,24 +269,24 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
             signals.fill(message, time)
         for number, row in there:
             track = tracks[number]
-            each = (
+            body = (
                 message.stationary_object.add() if standing[number] else message.moving_object.add()
             )
-            each.id.value = number
-            source = each.source_reference.add()
+            body.id.value = number
+            source = body.source_reference.add()
             source.type, source.reference = "net.asam.openscenario", result.scenario.name
             source.identifier.append(track.name)
-            fill_base(each.base, track.box, tables[number][row], not standing[number])
+            fill_base(body.base, track.box, tables[number][row], not standing[number])
             if standing[number]:
-                each.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
+                body.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
             else:
-                fill_type(each, track, osi, track.role)
+                fill_type(body, track, osi, track.role)
                 if modes := lamps.at(track.name, time):
-                    fill_lights(each.vehicle_classification.light_state, modes, track.role)
+                    fill_lights(body.vehicle_classification.light_state, modes, track.role)
                 if (lane := on[number][row]) is not None:
-                    each.moving_object_classification.assigned_lane_id.add(value=lane)
+                    body.moving_object_classification.assigned_lane_id.add(value=lane)
                 if logical is not None and (place := assigned[number][row]) is not None:
-                    _assign(each.moving_object_classification.logical_lane_assignment.add(), place)
+                    _assign(body.moving_object_classification.logical_lane_assignment.add(), place)
             if track.name == result.ego:
                 message.host_vehicle_id.value = number
         yield message

@@ -43,9 +43,11 @@ class Nearby:
         columns = [track.columns for track in recording.tracks.values()]
         self._ways = [
             LineString(
-                np.column_stack([each["x"], each["y"]]).repeat(2 if len(each["x"]) < 2 else 1, 0)
+                np.column_stack([column["x"], column["y"]]).repeat(
+                    2 if len(column["x"]) < 2 else 1, 0
+                )
             )
-            for each in columns
+            for column in columns
         ]
 
     def lanes(self, everything: Sequence[ExportedLanelet]) -> set[ExportedLanelet]:
@@ -67,7 +69,7 @@ def around(network: RoadNetwork, nearby: Nearby) -> list[ExportedLanelet]:
     everything = list(lanelets(network).values())
     near = nearby.lanes(everything)
     junctions = {junction_of(network, lanelet) for lanelet in near} - {None}
-    return [each for each in everything if each in near or junction_of(network, each) in junctions]
+    return [lane for lane in everything if lane in near or junction_of(network, lane) in junctions]
 
 
 _LOGICAL_CLOSE, _SPACING = 0.02, 2.0
@@ -244,7 +246,7 @@ class LogicalLanes:
             (ahead, lanelet.successors, True),
             (behind, lanelet.predecessors, False),
         ):
-            for other in (each for each in keys if each in self._ids):
+            for other in (key for key in keys if key in self._ids):
                 connection = connections.add(
                     at_begin_of_other_lane=self._forward(other) == at_start
                 )

@@ -70,7 +70,10 @@ class _Roads(NamedTuple):
         return cls(
             lengths,
             limits,
-            {(each.get("from", ""), each.get("to", "")) for each in root.iter("connection")},
+            {
+                (connection.get("from", ""), connection.get("to", ""))
+                for connection in root.iter("connection")
+            },
         )
 
 
@@ -107,7 +110,7 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     if len(programs):
         files[f"{name}.tll.xml"] = programs
     files[f"{name}.sumocfg"] = _configuration(
-        network_file, [each for each in files if not each.endswith(".fcd.xml")], result
+        network_file, [file for file in files if not file.endswith(".fcd.xml")], result
     )
     files[network_file] = converted
     for file, root in files.items():
@@ -206,8 +209,8 @@ def _programs(result: RunResult, net: SumoNet, network: etree._Element) -> etree
     """
     root = etree.Element("additional")
     links = {
-        each.get("id", ""): len(each.findall("phase")[0].get("state", ""))
-        for each in network.iter("tlLogic")
+        program.get("id", ""): len(program.findall("phase")[0].get("state", ""))
+        for program in network.iter("tlLogic")
     }
     changes: dict[str, dict[float, dict[int, str]]] = {}
     for signal, history in signal_states(result.events).items():
@@ -319,19 +322,23 @@ def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> et
     for time, there in moments(result.recording):
         step = etree.SubElement(root, "timestep", time=decimal(time))
         for number, row in sorted(
-            there, key=lambda each: walks[each[0]]
+            there, key=lambda pair: walks[pair[0]]
         ):  # persons come after vehicles
             columns, place = tracks[number].columns, places[number][row]
-            each = etree.SubElement(step, "person" if walks[number] else "vehicle", id=ids[number])
+            element = etree.SubElement(
+                step, "person" if walks[number] else "vehicle", id=ids[number]
+            )
             for axis, value in zip("xyz", fronts[number][row], strict=True):
-                each.set(axis, decimal(value))
-            each.set("angle", decimal(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0))))
-            each.set("speed", decimal(abs(columns["speed"][row])))
-            each.set("slope", decimal(-math.degrees(columns["pitch"][row])))
+                element.set(axis, decimal(value))
+            element.set(
+                "angle", decimal(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0)))
+            )
+            element.set("speed", decimal(abs(columns["speed"][row])))
+            element.set("slope", decimal(-math.degrees(columns["pitch"][row])))
             if not walks[number]:
-                each.set("acceleration", decimal(columns["acceleration"][row]))
+                element.set("acceleration", decimal(columns["acceleration"][row]))
                 if modes := lights.at(tracks[number].name, time):
-                    each.set(
+                    element.set(
                         "signals",
                         str(
                             sum(
@@ -342,8 +349,8 @@ def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> et
                         ),
                     )
             if place is not None:
-                each.set("pos", decimal(place.position))
-                each.set(
+                element.set("pos", decimal(place.position))
+                element.set(
                     *(
                         ("edge", place.lane.rpartition("_")[0])
                         if walks[number]

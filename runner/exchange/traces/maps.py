@@ -93,27 +93,27 @@ class _Lanes:
     """Lanelets of the lanes of a GroundTruth, by their ids."""
 
     def __init__(self, truth: Any) -> None:
-        self._boundaries = {each.id.value: each for each in truth.lane_boundary}
+        self._boundaries = {boundary.id.value: boundary for boundary in truth.lane_boundary}
         self._directed = any(
-            each.classification.HasField("centerline_is_driving_direction") for each in truth.lane
+            lane.classification.HasField("centerline_is_driving_direction") for lane in truth.lane
         )
         self._counts: Counter[str] = Counter()
-        self._heights = [point.z for each in truth.lane for point in each.classification.centerline]
+        self._heights = [point.z for lane in truth.lane for point in lane.classification.centerline]
         self.made: dict[str, Lanelet] = {}
         self._sides: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {}
         areas: list[Any] = []
         lanes: list[Any] = []
-        for each in truth.lane:
-            is_area = each.classification.type == each.classification.TYPE_INTERSECTION and (
-                len(each.classification.lane_pairing) > 1 or not each.classification.centerline
+        for lane in truth.lane:
+            is_area = lane.classification.type == lane.classification.TYPE_INTERSECTION and (
+                len(lane.classification.lane_pairing) > 1 or not lane.classification.centerline
             )
-            (areas if is_area else lanes).append(each)
-        for each in lanes:
-            self._add(each)
-        for each in lanes:
-            self._link(each, truth)
-        for each in areas:
-            self._cross(each)
+            (areas if is_area else lanes).append(lane)
+        for lane in lanes:
+            self._add(lane)
+        for lane in lanes:
+            self._link(lane, truth)
+        for lane in areas:
+            self._cross(lane)
 
     def notes(self) -> list[str]:
         """Inferred facts, one sentence each."""
@@ -140,7 +140,7 @@ class _Lanes:
         centre = _points(kind.centerline)
         forward = kind.centerline_is_driving_direction or not self._directed
         ids = [
-            tuple(each.value for each in side)
+            tuple(identifier.value for identifier in side)
             for side in (kind.left_lane_boundary_id, kind.right_lane_boundary_id)
         ]
         lines = [self._line(side, centre) for side in ids]
@@ -169,8 +169,8 @@ class _Lanes:
     def _line(self, ids: Sequence[int], centre: FloatArray) -> FloatArray:
         """The boundaries of one side as one line, in the order of the centre line."""
         lines = []
-        for each in ids:
-            found = self._boundaries.get(each)
+        for key in ids:
+            found = self._boundaries.get(key)
             points = (
                 _points(point.position for point in found.boundary_line)
                 if found is not None
@@ -203,9 +203,9 @@ class _Lanes:
 
     def _mark(self, ids: Iterable[int]) -> str:
         kinds = [
-            _short(self._boundaries[each].classification, "type", "TYPE_")
-            for each in ids
-            if each in self._boundaries
+            _short(self._boundaries[key].classification, "type", "TYPE_")
+            for key in ids
+            if key in self._boundaries
         ]
         return _MARKS.get(kinds[0], "none") if kinds else "none"
 
@@ -224,11 +224,11 @@ class _Lanes:
             return
         kind = lane.classification
         paired = {
-            str(each.value)
+            str(identifier.value)
             for pair in kind.lane_pairing
             for field_name in ("antecessor_lane_id", "successor_lane_id")
             if pair.HasField(field_name)
-            for each in (getattr(pair, field_name),)
+            for identifier in (getattr(pair, field_name),)
         }
         before, after = [], []
         for other in sorted(paired & self.made.keys()):
@@ -240,15 +240,15 @@ class _Lanes:
             if not to and not at:
                 self._counts["apart"] += 1
         adjacent = [
-            str(each.value)
+            str(identifier.value)
             for side in (kind.left_adjacent_lane_id, kind.right_adjacent_lane_id)
-            for each in side
+            for identifier in side
         ]
         right = next(
             (
-                each
-                for each in adjacent
-                if each in self.made and each != name and self._is_right(name, each)
+                neighbour
+                for neighbour in adjacent
+                if neighbour in self.made and neighbour != name and self._is_right(name, neighbour)
             ),
             None,
         )
@@ -434,7 +434,7 @@ def road_of(path: Path, found: TraceRecording, folder: Path) -> TraceRoad | None
 
 def _attached(maps: list[AttachedMap], reference: str) -> AttachedMap | None:
     """The map that a trace's reference names, else the first."""
-    named = [each for each in maps if _last(each.name) and _last(each.name) == _last(reference)]
+    named = [file for file in maps if _last(file.name) and _last(file.name) == _last(reference)]
     return next(iter([*named, *maps]), None)
 
 
@@ -491,7 +491,7 @@ def load_trace(path: Path, road: Path | None = None) -> RunResult:
         status="completed",
         end_time=max(ends, default=0.0),
         verdict=Verdict(causes=(Cause("no-event", "a recorded trace: nothing was tested"),)),
-        remarks=tuple(f"remark: {each}" for each in remarks),
+        remarks=tuple(f"remark: {remark}" for remark in remarks),
         ego=found.ego,
         sut="none",
         settings={"timestep": recording.timestep, "seed": 0, "world": "recorded", "max_time": None},

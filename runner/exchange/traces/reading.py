@@ -167,10 +167,10 @@ class _Collected:
         if truth.HasField("proj_frame_offset") and not kept.HasField("proj_frame_offset"):
             kept.proj_frame_offset.CopyFrom(truth.proj_frame_offset)
         for name, known in self._lines.items():
-            for each in getattr(truth, name):
-                if each.id.value not in known:
-                    known.add(each.id.value)
-                    getattr(kept, name).add().CopyFrom(each)
+            for message in getattr(truth, name):
+                if message.id.value not in known:
+                    known.add(message.id.value)
+                    getattr(kept, name).add().CopyFrom(message)
 
     def _take_object(self, number: int, message: Any, stationary: bool, seen: set[int]) -> None:
         key, base = message.id.value, message.base
@@ -222,17 +222,17 @@ class _Collected:
             )
         host = self._hosts.most_common(1)[0][0] if self._hosts else None
         tracks, names = [], set[str]()
-        for key, each in self._objects.items():
-            reason = _surroundings(each)
+        for key, participant in self._objects.items():
+            reason = _surroundings(participant)
             if reason:
                 made.left_out.append(
-                    LeftOut(f"stationary_object {key}", len(each.rows) // _ROW, reason)
+                    LeftOut(f"stationary_object {key}", len(participant.rows) // _ROW, reason)
                 )
                 continue
-            name = _name(each.first, key, names)
+            name = _name(participant.first, key, names)
             names.add(name)
-            tracks.append(_track(name, each, time, made))
-            if key == host and not each.stationary:
+            tracks.append(_track(name, participant, time, made))
+            if key == host and not participant.stationary:
                 made.ego = name
         if host is not None and made.ego is None:
             made.remarks.append(f"host_vehicle_id {host} is of no moving object: there is no ego")
@@ -249,9 +249,9 @@ class _Collected:
 def _together(remarks: list[str]) -> list[str]:
     """The remarks, each once; those of several objects name the first one and say how many there are."""
     of: dict[str, list[str]] = {}
-    for each in remarks:
-        who, parted, what = each.partition(": ")
-        of.setdefault(what if parted else each, []).append(who if parted else "")
+    for remark in remarks:
+        who, parted, what = remark.partition(": ")
+        of.setdefault(what if parted else remark, []).append(who if parted else "")
     return [
         what
         if not who[0]

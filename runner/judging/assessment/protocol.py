@@ -267,8 +267,8 @@ class CutIn:
             ego.columns["time"], other.columns["time"], return_indices=True
         )
         own, theirs = (
-            {name: each.columns[name][rows] for name in each.columns}
-            for each, rows in ((ego, mine), (other, its))
+            {name: track.columns[name][rows] for name in track.columns}
+            for track, rows in ((ego, mine), (other, its))
         )
         if (own["road_id"] != theirs["road_id"]).any() or len({*own["road_id"]}) > 1:
             return "the two are on different roads, where no intrusion is measured"

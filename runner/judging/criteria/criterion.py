@@ -326,7 +326,7 @@ def _read(condition: Node) -> Criterion:
     )
     kind, delay = kinds().get(name.casefold()), condition.finite("delay", 0.0)
     if kind is None:
-        known = ", ".join(sorted(each.name for each in kinds().values()))
+        known = ", ".join(sorted(kind.name for kind in kinds().values()))
         return Criterion(
             name,
             None,

@@ -175,12 +175,12 @@ class BatchJudge:
     def step(self, run: BatchSimulation) -> None:
         """Keep an instant, and look at what evidence is counted from."""
         at, ego = self._at(run), run.ego
-        others = [each for each in run.entities.values() if each is not ego]
-        self._frames.append((at, [_frame(each) for each in (ego, *others)]))
+        others = [entity for entity in run.entities.values() if entity is not ego]
+        self._frames.append((at, [_frame(entity) for entity in (ego, *others)]))
         self._moved[at] |= ego.speed != 0.0
         limits = ego.declared.performance
-        for each in (ego, *others):
-            fast = np.abs(each.speed) > _TOLERANCE * each.declared.performance.max_speed
+        for entity in (ego, *others):
+            fast = np.abs(entity.speed) > _TOLERANCE * entity.declared.performance.max_speed
             self._beyond[at] |= fast & run.going
         speed = np.abs(ego.speed)
         if run.step_index:
@@ -201,12 +201,12 @@ class BatchJudge:
 
     def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
         """Show entities where actions have put them at the last instant."""
-        everyone = [run.ego, *(each for each in run.entities.values() if each is not run.ego)]
+        everyone = [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
         _, frames = self._frames[-1]
-        for each, (values, roads) in zip(everyone, frames, strict=True):
-            if each.name in put:
-                rows = put[each.name]
-                now, there = _frame(each)
+        for entity, (values, roads) in zip(everyone, frames, strict=True):
+            if entity.name in put:
+                rows = put[entity.name]
+                now, there = _frame(entity)
                 values[:, rows], roads[rows] = now[:, rows], there[rows]
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
@@ -265,24 +265,24 @@ class BatchJudge:
             return False
         own = _spot(run.ego, row)
         found = [
-            next_contact(own, _spot(each, row), each.name)
-            for each in run.entities.values()
-            if each is not run.ego
+            next_contact(own, _spot(entity, row), entity.name)
+            for entity in run.entities.values()
+            if entity is not run.ego
         ]
         return bool(found) and min(found).reserve < self._reserve
 
     def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
         """Outcomes of the runs, once all are over."""
         n, steps = len(self._sets), len(self._frames)
-        everyone = [run.ego, *(each for each in run.entities.values() if each is not run.ego)]
+        everyone = [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
         motions = {
-            each.name: (np.zeros((len(_FRAME), steps, n)), np.zeros((steps, n), np.int64))
-            for each in everyone
+            entity.name: (np.zeros((len(_FRAME), steps, n)), np.zeros((steps, n), np.int64))
+            for entity in everyone
         }
         for step, (at, frames) in enumerate(self._frames):
-            for each, (values, roads) in zip(everyone, frames, strict=True):
-                motions[each.name][0][:, step, at] = values
-                motions[each.name][1][step, at] = roads
+            for entity, (values, roads) in zip(everyone, frames, strict=True):
+                motions[entity.name][0][:, step, at] = values
+                motions[entity.name][1][step, at] = roads
         return BatchOutcomes(
             self._outcome,
             self._status,
@@ -291,7 +291,7 @@ class BatchJudge:
             self._partner,
             motions,
             self._steps,
-            {each.name: each.declared for each in everyone},
+            {entity.name: entity.declared for entity in everyone},
             _road_names(run),
             run.roads.network,
             run.dt,

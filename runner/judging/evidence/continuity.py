@@ -194,7 +194,7 @@ def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> Pred
     """
     own = recording.tracks.get(ego.name) if ego is not None else None
     others = [track for track in recording.tracks.values() if track is not own]
-    found = [contact_after(own, each, end) for each in others] if own is not None else []
+    found = [contact_after(own, other, end) for other in others] if own is not None else []
     return min(found, default=_NEVER)
 
 

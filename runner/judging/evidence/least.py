@@ -38,9 +38,9 @@ def collect(run: Observed, least: Mapping[str, float] | None = None) -> tuple[Ru
 
 def missing(evidence: Iterable[RunEvidence]) -> tuple[Cause, ...]:
     """Causes for which a run with this evidence is inconclusive."""
-    lacking = {each.name: each for each in evidence if not each.enough}
-    told = (each for name, each in lacking.items() if not _explained(name, lacking))
-    causes = (Cause(ROWS[each.name].cause, text) for each in told for text in each.texts)
+    lacking = {row.name: row for row in evidence if not row.enough}
+    told = (row for name, row in lacking.items() if not _explained(name, lacking))
+    causes = (Cause(ROWS[row.name].cause, text) for row in told for text in row.texts)
     return tuple(dict.fromkeys(causes))
 
 

@@ -251,8 +251,8 @@ def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:
         action
         for act in sim.storyboard.acts
         for event in act.events
-        for each in event.actions
-        for action in each.actions
+        for element in event.actions
+        for action in element.actions
     ]
     return not any(
         isinstance(action, SetAction | ModifyAction) and action.target.name == condition.name

@@ -162,7 +162,7 @@ def causes_of(remarks: Iterable[Remark]) -> Iterator[Cause]:
 
 def _remarked(run: Observed, cause: str) -> Iterator[str]:
     remarks = (*run.scenario.remarks, *run.sim.remarks.found)
-    return (each.text for each in causes_of(remarks) if each.name == cause)
+    return (stated.text for stated in causes_of(remarks) if stated.name == cause)
 
 
 # the file, as it is known before the first step ----------------------------------------------
@@ -232,10 +232,10 @@ def _places(run: Observed) -> Count:
     "no action placed a participant that the scenario declares",
 )
 def _participants(run: Observed) -> Count:
-    there = [each for each in run.scenario.entities.values() if each.controls.tractor is None]
-    there = [each for each in there if not each.spawned]
-    absent = [each for each in there if not each.placed]
-    texts = [str(absence(run.scenario.path, each)) for each in absent]
+    there = [entity for entity in run.scenario.entities.values() if entity.controls.tractor is None]
+    there = [entity for entity in there if not entity.spawned]
+    absent = [entity for entity in there if not entity.placed]
+    texts = [str(absence(run.scenario.path, entity)) for entity in absent]
     return _share(len(there) - len(absent), len(there), texts)
 
 
@@ -281,10 +281,14 @@ def _ego(run: Observed) -> Count:
     if run.ego is not None:
         return Count(1.0)
     hitched = {
-        each.name for each in run.scenario.entities.values() if "trailer" in each.declared.category
+        entity.name
+        for entity in run.scenario.entities.values()
+        if "trailer" in entity.declared.category
     }
     contacts = [
-        each for each in run.sim.contacts.history if run.ended and hitched.isdisjoint(each[1:])
+        contact
+        for contact in run.sim.contacts.history
+        if run.ended and hitched.isdisjoint(contact[1:])
     ]
     return _sound(egoless(run.sim.entities.values(), run.system, contacts))
 
@@ -346,7 +350,7 @@ _ON_MOTION = re.compile(
 )
 def _performance(run: Observed) -> Count:
     texts = [*beyond_performance(run.scenario, run.recording, run.ego)]
-    repairs = [each for each in run.scenario.remarks if _ON_MOTION.search(each.element)]
+    repairs = [remark for remark in run.scenario.remarks if _ON_MOTION.search(remark.element)]
     if texts and repairs:
         more = f" and {len(repairs) - 1} more" if len(repairs) > 1 else ""
         texts = [f"{text}, perhaps by a repair of the file: {repairs[0]}{more}" for text in texts]

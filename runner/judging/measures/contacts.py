@@ -50,7 +50,9 @@ def post_encroachment_time(
     best: Extreme | None = None
     for block in blocks(others):
         found = _least(ego, block, step, int(longest / step))
-        best = min((each for each in (best, found) if each is not None), default=None)
+        best = min(
+            (candidate for candidate in (best, found) if candidate is not None), default=None
+        )
     return best
 
 
@@ -229,7 +231,9 @@ def _with(ego: MotionRows, other: MotionRows) -> Impact | None:
 
 def _point(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
     """Middle of the overlap of two boxes at an instant (s), ahead of the middle of the ego's box and to its left, m."""
-    own, its = (_outline(each, int(np.argmin(np.abs(each.time - time)))) for each in (ego, other))
+    own, its = (
+        _outline(motion, int(np.argmin(np.abs(motion.time - time)))) for motion in (ego, other)
+    )
     place = shapely.intersection(own, its.buffer(_TOUCHING)).centroid
     row = int(np.argmin(np.abs(ego.time - time)))
     c, s = float(np.cos(ego.h[row])), float(np.sin(ego.h[row]))

@@ -157,7 +157,7 @@ def _own() -> dict[str, RunMeasure]:
     """Measures of the folder `kinds`."""
     load("runner.judging.measures.kinds")
     return dict(
-        sorted(_registered.items(), key=lambda each: type(each[1]).__module__)
+        sorted(_registered.items(), key=lambda entry: type(entry[1]).__module__)
     )  # whichever was imported first
 
 
@@ -166,9 +166,9 @@ def _of_plugins() -> dict[str, RunMeasure]:
     """Measures of installed packages."""
     own = _own()
     register_plugins(
-        "xosc.measure", lambda: [type(each).__module__ for each in _registered.values()]
+        "xosc.measure", lambda: [type(measure).__module__ for measure in _registered.values()]
     )
-    return {name: each for name, each in sorted(_registered.items()) if name not in own}
+    return {name: measure for name, measure in sorted(_registered.items()) if name not in own}
 
 
 def measures() -> dict[str, RunMeasure]:
@@ -188,14 +188,14 @@ def measures() -> dict[str, RunMeasure]:
 
 def units() -> dict[str, str]:
     """Units of all measures by name."""
-    return {name: each.unit for name, each in measures().items()}
+    return {name: measure.unit for name, measure in measures().items()}
 
 
 _RSS = "rss_risk_ad_rss"
 """Measure that `rss` stands for"""
 NEW_FAILURE = "new-failure"
 """Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier one does not have"""
-UNITS = {name: each.unit for name, each in _own().items()} | {"end_time": "s"}
+UNITS = {name: measure.unit for name, measure in _own().items()} | {"end_time": "s"}
 """Measures of a run by name, without those of plug-ins, and their units; see `runner.judging.measures.measure` and `RunResult`."""
 EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
 """Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time

@@ -113,19 +113,19 @@ _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
 @lru_cache(maxsize=1)  # several measures of one scene ask for it
 def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
     """The rows of several participants, one participant after the other, and which one each row is of."""
-    sizes = [len(each.time) for each in motions]
+    sizes = [len(motion.time) for motion in motions]
     boxes = BoundingBox(
-        *np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1)
+        *np.repeat(np.array([motion.box for motion in motions], np.float64).T, sizes, axis=1)
     )
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS
+        name: np.concatenate([getattr(motion, name) for motion in motions]) for name in _ROWS
     }
     return MotionRows("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
 
 
 def blocks(motions: Sequence[MotionRows]) -> Iterator[tuple[MotionRows, ...]]:
     """Participants in their order, as many at once as are to be looked at together."""
-    ends = np.cumsum([len(each.time) for each in motions]) // _BLOCK
+    ends = np.cumsum([len(motion.time) for motion in motions]) // _BLOCK
     for block in np.unique(ends):
         first, last = np.searchsorted(ends, [block, block + 1])
         yield tuple(motions[first:last])

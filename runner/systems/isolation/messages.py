@@ -73,7 +73,7 @@ class ObservationWriter:
         if len(self._known) > _MOST - len(observation.others) - 1:
             self._known.clear()
         moving = [self._participant(observation.ego, news)]
-        moving += [self._participant(each, news) for each in observation.others]
+        moving += [self._participant(participant, news) for participant in observation.others]
         if observation.network is not self._network:
             self._network = observation.network
             path = None if self._network is None else str(self._network.path)
@@ -86,7 +86,9 @@ class ObservationWriter:
             news["signal"] = self._signal = stop.signal
         signals = observation.signals
         if signals or self._signals:
-            named = [(each.signal, each.kind, each.state, each.aspect) for each in signals]
+            named = [
+                (signal.signal, signal.kind, signal.state, signal.aspect) for signal in signals
+            ]
             if named != self._signals:
                 news["signals"] = self._signals = named
         told = json.dumps(news).encode() if news else b""
@@ -94,7 +96,7 @@ class ObservationWriter:
         head = _HEAD.pack(
             STEP, observation.time, dt, observation.target_speed, distance, len(signals), len(told)
         )
-        lines = struct.pack(f"={len(signals)}d", *(each.distance for each in signals))
+        lines = struct.pack(f"={len(signals)}d", *(signal.distance for signal in signals))
         return b"".join((head, told, lines, *moving))
 
     def _participant(self, each: Participant, news: dict[str, Any]) -> bytes:
@@ -151,8 +153,8 @@ class ObservationReader:
 
     def _take(self, news: dict[str, Any]) -> None:
         for number, values in news.get("declared", ()):
-            each = participant_of(values)
-            self._declared[number] = each[:_FIRST], each[_LAST:]
+            participant = participant_of(values)
+            self._declared[number] = participant[:_FIRST], participant[_LAST:]
         if "network" in news:
             self._network = self._load(*news["network"]) if news["network"] else None
         if "environment" in news:
@@ -321,8 +323,8 @@ class BatchReader:
         for name, (shape, kind, told) in head["arrays"].items():
             if kind is None:
                 values, index = told
-                each = objects([self._object(name, value) for value in values])
-                self._arrays[name] = each[np.array(index, np.int64)].reshape(shape)
+                array = objects([self._object(name, value) for value in values])
+                self._arrays[name] = array[np.array(index, np.int64)].reshape(shape)
                 continue
             found = np.frombuffer(body, kind, int(np.prod(shape, dtype=np.int64)), place)
             self._arrays[name] = found.reshape(shape)
@@ -353,17 +355,17 @@ class BatchReader:
 
     def _tuple(self, name: str, path: str) -> Any:
         kind = _TUPLES[name]
-        return kind(*(self._arrays[f"{path}{name}.{each}"] for each in kind._fields))
+        return kind(*(self._arrays[f"{path}{name}.{field}"] for field in kind._fields))
 
 
 def _plain_objects(name: str, values: Any) -> list[Any]:
     """Objects of an array as JSON has them, in a list; equal ones are one object."""
     known: dict[int, Any] = {}
     plain = []
-    for each in values.ravel():
-        if id(each) not in known:
-            known[id(each)] = _json(name, each)
-        plain.append(known[id(each)])
+    for value in values.ravel():
+        if id(value) not in known:
+            known[id(value)] = _json(name, value)
+        plain.append(known[id(value)])
     return plain
 
 
@@ -374,7 +376,7 @@ def _json(name: str, value: Any) -> Any:
     if name == "environment":
         return None if value is None else environment_json(value)
     if name == "signals":
-        return [[*each] for each in value]
+        return [[*part] for part in value]
     return value if isinstance(value, str) else dict(value)
 
 
@@ -382,16 +384,16 @@ def _distinct(values: list[Any]) -> tuple[list[Any], list[int]]:
     """Distinct objects, and which of them each one is."""
     places: dict[int, int] = {}
     distinct: list[Any] = []
-    for each in values:
-        if id(each) not in places:
-            places[id(each)] = len(distinct)
-            distinct.append(each)
-    return distinct, [places[id(each)] for each in values]
+    for value in values:
+        if id(value) not in places:
+            places[id(value)] = len(distinct)
+            distinct.append(value)
+    return distinct, [places[id(value)] for value in values]
 
 
 def write_answers(answers: Answers) -> bytes:
     """The message with checked answers."""
-    return ANSWER + b"".join(np.asarray(each).tobytes() for each in answers)
+    return ANSWER + b"".join(np.asarray(answer).tobytes() for answer in answers)
 
 
 def read_answers(body: bytes) -> Answers:

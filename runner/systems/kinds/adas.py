@@ -249,17 +249,17 @@ class DriverAssistance:
         """Acceleration that the traffic calls for (infinite: none), whether it is full braking, and the reason."""
         targets = list(self.targets(observation))
         threat, worst, delay = None, 0.0, self._delay
-        for each in targets:
-            if each.is_in_way(ego.speed, self.clearance):
-                needed = each.needed(ego.speed, delay)
-                is_braking_for = each.name == self._braking_for
-                if needed > worst and self.is_emergency(each, needed, ego.speed, is_braking_for):
-                    threat, worst = each, needed
+        for target in targets:
+            if target.is_in_way(ego.speed, self.clearance):
+                needed = target.needed(ego.speed, delay)
+                is_braking_for = target.name == self._braking_for
+                if needed > worst and self.is_emergency(target, needed, ego.speed, is_braking_for):
+                    threat, worst = target, needed
         self._braking_for = threat.name if threat is not None else ""
         if threat is not None:
             reason = f"{threat.name} is {threat.gap:.1f} m ahead: {worst:.1f} m/s² needed, emergency braking"
             return -self.full, True, reason
-        ahead = [each for each in targets if self.is_lead(each)]
+        ahead = [target for target in targets if self.is_lead(target)]
         if not ahead:
             self._follows = False
             return math.inf, False, ""

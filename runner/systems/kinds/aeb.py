@@ -67,11 +67,18 @@ class EmergencyBraking:
         """Braking or keeping the speed, with the reason, or nothing."""
         seen = list(encounters(observation))
         time, name = min(
-            ((self.threat(each), each.name) for each in seen),
+            ((self.threat(participant), participant.name) for participant in seen),
             key=lambda threat: threat[0],
             default=(math.inf, ""),
         )
-        held = next((each.name for each in seen if self.holds(each, observation.ego.speed)), None)
+        held = next(
+            (
+                participant.name
+                for participant in seen
+                if self.holds(participant, observation.ego.speed)
+            ),
+            None,
+        )
         self._stage = self.stage(time, held is not None, self._stage)
         if self._stage == _FOLLOWS:
             return Control()

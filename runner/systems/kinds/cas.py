@@ -100,15 +100,15 @@ class _Seen(NamedTuple):
     def of(cls, some: BatchParticipants, at: tuple[IntArray, ...]) -> _Seen:
         """Participants at places of arrays."""
         values = some.x, some.y, some.z, some.speed, some.vx, some.vy, *some.facing
-        return cls(_boxes(some.box, at), *(each[at] for each in values))
+        return cls(_boxes(some.box, at), *(column[at] for column in values))
 
     def at(self, rows: IntArray) -> _Seen:
         """Some of them."""
-        return _Seen(_boxes(self.box, rows), *(each[rows] for each in self[1:]))
+        return _Seen(_boxes(self.box, rows), *(column[rows] for column in self[1:]))
 
 
 def _boxes(box: Any, at: Any) -> BoundingBox:
-    return BoundingBox(*(each[at] for each in box))
+    return BoundingBox(*(column[at] for column in box))
 
 
 def _reach(box: BoundingBox) -> Any:

@@ -147,7 +147,7 @@ class Fmu:
     def files(path: str = "", mapping: str = "") -> tuple[Path, ...]:
         """Files that decide what the system does; arguments as of the class."""
         both = Path(path), Path(mapping) if mapping else Path(path).with_suffix(".toml")
-        return tuple(each for each in both if each.is_file())
+        return tuple(file for file in both if file.is_file())
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Load a new instance."""
@@ -361,7 +361,7 @@ def _links(
             or not entry.keys() <= keys
         ):
             raise InvalidFile(
-                f"{key!r} is a text, or {{ {', '.join(f'{each} = …' for each in sorted(keys))} }}",
+                f"{key!r} is a text, or {{ {', '.join(f'{key} = …' for key in sorted(keys))} }}",
                 path=path,
             )
         numbers = {name: number for name, number in entry.items() if name != named}
@@ -410,7 +410,7 @@ def _variable(name: str, fmu: Description, path: Path, causalities: tuple[str, .
     variable = fmu.variables.get(name)
     if variable is None:
         there = ", ".join(
-            sorted(each for each, found in fmu.variables.items() if found.causality in causalities)[
+            sorted(name for name, found in fmu.variables.items() if found.causality in causalities)[
                 :20
             ]
         )

@@ -122,12 +122,16 @@ def _described(path: Path, version: Stamp) -> Description:
         / folder
         / f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
     ).is_file():
-        there = sorted(each.name for each in (content / "binaries").glob("*") if each.is_dir())
+        there = sorted(
+            folder.name for folder in (content / "binaries").glob("*") if folder.is_dir()
+        )
         raise Unsupported(
             f"this FMU has no binary for {folder}; there are {', '.join(there) or 'none'}",
             path=path,
         )
-    return Description(path, content, model, {each.name: each for each in model.modelVariables})
+    return Description(
+        path, content, model, {variable.name: variable for variable in model.modelVariables}
+    )
 
 
 def _unpacked(path: Path, data: bytes, fmpy: Any) -> Path:

@@ -89,8 +89,8 @@ class ObservationArrays:
                 rows["signal"][place : place + 2] = 1.0, signal.distance
         for row, other in enumerate(nearest):
             rows["participants"][row] = self._participant(network, ego, seat, other)
-        for row, each in enumerate((ego, *nearest)):
-            rows["state"][row] = [getattr(each, name) for name in STATE]
+        for row, participant in enumerate((ego, *nearest)):
+            rows["state"][row] = [getattr(participant, name) for name in STATE]
         return rows
 
     def nearest(self, observation: Observation) -> list[Participant]:

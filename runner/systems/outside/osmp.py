@@ -217,13 +217,15 @@ def pose_of_request(data: bytes, time: float, path: str) -> Pose | None:
 
 
 def _on_trajectory(points: Any, time: float, path: str) -> Pose:
-    times = [each.timestamp.seconds + each.timestamp.nanos * _NANO for each in points]
+    times = [point.timestamp.seconds + point.timestamp.nanos * _NANO for point in points]
     if not times or not times[0] - _SOON <= time <= times[-1] + _SOON:
         span = f"is from {times[0]:.3f} to {times[-1]:.3f} s" if times else "has no point"
         raise ToolchainError(
             f"the trajectory of {REQUEST} {span}, the ego is asked for at {time:.3f} s", path=path
         )
-    after = next((number for number, each in enumerate(times) if each >= time), len(times) - 1)
+    after = next(
+        (number for number, instant in enumerate(times) if instant >= time), len(times) - 1
+    )
     before = max(after - 1, 0)
     length = times[after] - times[before]
     share = min(max((time - times[before]) / length, 0.0), 1.0) if length > 0.0 else 1.0

@@ -149,7 +149,7 @@ def extent(tracks: Iterable[Track]) -> Area:
     columns = [track.columns for track in tracks if len(track.columns["time"])]
     if not columns:
         return Area(0.0, 0.0, 0.0, 0.0)
-    x, y = (np.concatenate([each[axis] for each in columns]) for axis in ("x", "y"))
+    x, y = (np.concatenate([column[axis] for column in columns]) for axis in ("x", "y"))
     return Area(float(x.min()), float(y.min()), float(x.max()), float(y.max()))
 
 

@@ -429,10 +429,10 @@ def _blocks(road: Road, thing: RoadObject, usual: float) -> list[ObjectBlock]:
     height = usual if thing.height is None or not usual else thing.height
     outlines = [outline for outline in thing.outlines if outline]
     if outlines:
-        tops = [max(corner.height for corner in each) if usual else 0.0 for each in outlines]
+        tops = [max(corner.height for corner in outline) if usual else 0.0 for outline in outlines]
         return [
-            ObjectBlock(_outline(road, thing, each), top or height)
-            for each, top in zip(outlines, tops, strict=True)
+            ObjectBlock(_outline(road, thing, outline), top or height)
+            for outline, top in zip(outlines, tops, strict=True)
         ]
     if thing.length and thing.width:
         u, v = thing.length / 2, thing.width / 2

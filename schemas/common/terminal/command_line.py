@@ -84,7 +84,7 @@ HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 
 def epilog(codes: str, *examples: str) -> str:
     """The end of a command's help: examples, one command line each, and its exit codes."""
-    return "\n".join(["\b", "Examples:", *(f"  {each}" for each in examples), "", codes])
+    return "\n".join(["\b", "Examples:", *(f"  {example}" for example in examples), "", codes])
 
 
 class _HelpInFull:
@@ -123,7 +123,7 @@ class GroupedCommand(_HelpInFull, TyperCommand):
             context = super().make_context(info_name, args, parent, default_map=values, **extra)
         except typer.BadParameter as error:
             key, names = _setting_of(error.param, settings)
-            if key is None or any(each.split("=")[0] in names for each in typed):
+            if key is None or any(word.split("=")[0] in names for word in typed):
                 raise
             raise file.fault(
                 key, table if key in file.tables.get(table, ()) else "", error.message
@@ -153,8 +153,12 @@ class GroupedCommand(_HelpInFull, TyperCommand):
         if parent is None:
             return str(getattr(self.callback, "__name__", "")).removeprefix("xosc_"), set()
         group = parent.command
-        others = (each for each in group.commands.values() if isinstance(each, GroupedCommand))
-        return group.name.removeprefix("xosc-"), {key for each in others for key in each.settings()}
+        others = (
+            command for command in group.commands.values() if isinstance(command, GroupedCommand)
+        )
+        return group.name.removeprefix("xosc-"), {
+            key for command in others for key in command.settings()
+        }
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Keep in the context whether help is asked for in full."""
@@ -214,7 +218,7 @@ def _write_names(formatter: Any, names: Sequence[str]) -> None:
 def _setting_of(param: Any, settings: Mapping[str, Setting]) -> tuple[str | None, Sequence[str]]:
     """Key of the setting of a parameter, None where it has none, and the names of its option."""
     name = getattr(param, "name", None)
-    keys = (key for key, each in settings.items() if each.parameter == name)
+    keys = (key for key, setting in settings.items() if setting.parameter == name)
     return next(keys, None), getattr(param, "opts", ())
 
 
@@ -303,7 +307,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         own_parameters = inspect.signature(command, eval_str=True).parameters
-        uses = {name: file_use(each.annotation) for name, each in own_parameters.items()}
+        uses = {name: file_use(parameter.annotation) for name, parameter in own_parameters.items()}
 
         @wraps(command)
         def with_policy(**given: Any) -> None:
@@ -372,10 +376,10 @@ def _limits(given: dict[str, Any]) -> CommandPolicy:
 def _named(values: Iterable[Any]) -> list[str | Path]:
     """The files and folders that arguments name; of globs the folders that they begin with."""
     return [
-        _without_glob(each)
+        _without_glob(path)
         for value in values
         if value is not None
-        for each in (value if isinstance(value, list) else [value])
+        for path in (value if isinstance(value, list) else [value])
     ]
 
 
@@ -400,7 +404,7 @@ def new_app(name: str | None = None, group: type[TyperGroup] = CommandGroup) -> 
 
 def _print_version(context: typer.Context, requested: bool) -> None:
     if requested:
-        names = [each.command.name for each in (context.parent, context) if each is not None]
+        names = [level.command.name for level in (context.parent, context) if level is not None]
         print(f"{' '.join(filter(None, names))} {version()}{' (compiled)' if compiled() else ''}")
         raise typer.Exit
 
@@ -454,8 +458,8 @@ def _listen() -> None:
     numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
 
     def end(number: int, _frame: object) -> None:
-        for each in numbers:
-            signal.signal(each, signal.SIG_DFL)
+        for ending in numbers:
+            signal.signal(ending, signal.SIG_DFL)
         end_by(number)
         threading.excepthook = sys.unraisablehook = _say_nothing
         raise Ended(number)

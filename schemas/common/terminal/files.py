@@ -109,8 +109,8 @@ def files_in(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path] if path.suffix.lower() in SUFFIXES else []
     unread: list[Path] = []
-    found = [each for each in _visible(path, unread) if each.suffix.lower() in SUFFIXES]
-    return sorted([*(each for each in found if not each.is_dir()), *unread])
+    found = [file for file in _visible(path, unread) if file.suffix.lower() in SUFFIXES]
+    return sorted([*(file for file in found if not file.is_dir()), *unread])
 
 
 def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
@@ -118,5 +118,5 @@ def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
         unread.append(Path(error.filename))
 
     for parent, folders, files in os.walk(folder, onerror=refuse):
-        folders[:] = [each for each in folders if not each.startswith(".")]
-        yield from (Path(parent, each) for each in files if not each.startswith("."))
+        folders[:] = [folder for folder in folders if not folder.startswith(".")]
+        yield from (Path(parent, name) for name in files if not name.startswith("."))

@@ -85,8 +85,8 @@ def file_use(annotation: Any) -> FileUse | None:
     names files where it is declared `READ`.
     """
     kind, *metadata = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
-    declared = next((each for each in metadata if isinstance(each, FileUse)), None)
-    if any(getattr(each, "callback", None) is writable_folder for each in metadata):
+    declared = next((note for note in metadata if isinstance(note, FileUse)), None)
+    if any(getattr(note, "callback", None) is writable_folder for note in metadata):
         return WRITTEN
     return declared or (READ if _is_path(kind) else None)
 
@@ -167,7 +167,7 @@ def part(settings: type, *offered: str) -> Any:
 
 def option_of(settings: type, name: str) -> OptionInfo:
     """The option of one field, for commands that take no others of the settings."""
-    return _info(next(each for each in fields(settings) if each.name == name))
+    return _info(next(field for field in fields(settings) if field.name == name))
 
 
 def options_of(settings: type) -> list[inspect.Parameter]:
@@ -178,7 +178,11 @@ def options_of(settings: type) -> list[inspect.Parameter]:
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of its settings: those of the fields of each parameter whose annotation is a dataclass."""
     own = inspect.signature(command, eval_str=True).parameters.values()
-    settings = {each.name: each.annotation for each in own if is_dataclass(each.annotation)}
+    settings = {
+        parameter.name: parameter.annotation
+        for parameter in own
+        if is_dataclass(parameter.annotation)
+    }
 
     @wraps(command)
     def with_options(**given: Any) -> None:
@@ -189,8 +193,12 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
         with_options,
         [
             new
-            for each in own
-            for new in (_parameters(settings[each.name], ()) if each.name in settings else [each])
+            for parameter in own
+            for new in (
+                _parameters(settings[parameter.name], ())
+                if parameter.name in settings
+                else [parameter]
+            )
         ],
     )
     return with_options
@@ -198,9 +206,11 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 def resign(function: Callable[..., None], parameters: list[inspect.Parameter]) -> None:
     """Give a function a signature of these parameters, all by keyword, as typer reads it."""
-    parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+    parameters = [
+        parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters
+    ]
     function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    function.__annotations__ = {each.name: each.annotation for each in parameters}
+    function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
 
 
 def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
@@ -223,30 +233,30 @@ def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, st
 
 
 def _fields(settings: Any, offered: tuple[str, ...]) -> Iterator[Field[Any]]:
-    for each in fields(settings):
-        if not offered or each.name in offered:
-            yield each
+    for setting in fields(settings):
+        if not offered or setting.name in offered:
+            yield setting
 
 
 def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Parameter]:
-    for each in _fields(settings, offered):
-        if _PART in each.metadata:
-            yield from _parameters(*each.metadata[_PART])
-        elif _OPTION in each.metadata:
-            declared, text = each.metadata[_OPTION], str(each.type)
+    for setting in _fields(settings, offered):
+        if _PART in setting.metadata:
+            yield from _parameters(*setting.metadata[_PART])
+        elif _OPTION in setting.metadata:
+            declared, text = setting.metadata[_OPTION], str(setting.type)
             repeated = text in _LISTS
             kind: Any = declared.type or (
                 _LISTS[text][1] if repeated else _TYPES[text.removesuffix(" | None")]
             )
             if repeated or (text.endswith(" | None") and declared.type is None):
                 kind |= None
-            default = None if repeated else each.default
+            default = None if repeated else setting.default
             yield inspect.Parameter(
-                _name(each),
+                _name(setting),
                 inspect.Parameter.KEYWORD_ONLY,
                 default=default,
                 annotation=Annotated[
-                    kind, declared.files, SHARED if declared.shared else None, _info(each)
+                    kind, declared.files, SHARED if declared.shared else None, _info(setting)
                 ],
             )
 
@@ -254,13 +264,15 @@ def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Par
 def _build(settings: Any, offered: tuple[str, ...], given: dict[str, Any]) -> Any:
     """Settings of the values of options, which are taken out of those given."""
     values = {}
-    for each in _fields(settings, offered):
-        if _PART in each.metadata:
-            kind, only = each.metadata[_PART]
-            values[each.name] = _build(kind, only, given)
-        elif _OPTION in each.metadata:
-            value = given.pop(_name(each))
-            values[each.name] = _repeated(each, value or []) if str(each.type) in _LISTS else value
+    for setting in _fields(settings, offered):
+        if _PART in setting.metadata:
+            kind, only = setting.metadata[_PART]
+            values[setting.name] = _build(kind, only, given)
+        elif _OPTION in setting.metadata:
+            value = given.pop(_name(setting))
+            values[setting.name] = (
+                _repeated(setting, value or []) if str(setting.type) in _LISTS else value
+            )
     return settings(**values)
 
 

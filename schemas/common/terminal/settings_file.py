@@ -62,19 +62,19 @@ def settings_of(parameters: Iterable[inspect.Parameter]) -> dict[str, Setting]:
     from typer.models import OptionInfo
 
     found = {}
-    for each in parameters:
-        annotation = each.annotation
+    for parameter in parameters:
+        annotation = parameter.annotation
         kind, *metadata = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
         info = next((item for item in metadata if isinstance(item, OptionInfo)), None)
-        if info is None or info.is_eager or each.name in _NEVER:
+        if info is None or info.is_eager or parameter.name in _NEVER:
             continue
         texts = (info.default, *(info.param_decls or ()))  # typer takes the first name as a default
         names = [name for text in texts if isinstance(text, str) for name in text.split("/")]
         long = [name.removeprefix("--") for name in names if name.startswith("--")]
-        key = (long or [each.name.replace("_", "-")])[0]
-        default = ... if each.default is inspect.Parameter.empty else each.default
+        key = (long or [parameter.name.replace("_", "-")])[0]
+        default = ... if parameter.default is inspect.Parameter.empty else parameter.default
         found[key] = Setting(
-            key, each.name, _bare(kind), file_use(annotation), SHARED in metadata, default
+            key, parameter.name, _bare(kind), file_use(annotation), SHARED in metadata, default
         )
     return found
 
@@ -83,7 +83,7 @@ def _bare(kind: Any) -> Any:
     """A type without None."""
     if get_origin(kind) not in (Union, UnionType):
         return kind
-    return next(each for each in get_args(kind) if each is not type(None))
+    return next(option for option in get_args(kind) if option is not type(None))
 
 
 def _shown(value: Any) -> str:
@@ -129,7 +129,7 @@ class SettingsFile(NamedTuple):
         if not isinstance(given, list):
             raise self._wrong(setting, table, 'a list is expected, as ["…"]')
         (kind,) = get_args(setting.kind)
-        return [self._checked(kind, each, setting, table) for each in given]
+        return [self._checked(kind, item, setting, table) for item in given]
 
     def _checked(self, kind: Any, given: Any, setting: Setting, table: str) -> Any:
         if kind in _KINDS:

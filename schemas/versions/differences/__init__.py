@@ -111,7 +111,7 @@ def additions(difference: Difference) -> Iterator[tuple[str, str, str]]:
     told: set[str] = set()
     for name, sign, rest in difference.lines():
         if sign in (ATTRIBUTE, CHILD):
-            yield from ((name, sign, _declaration(each)[0]) for each in rest.split(", "))
+            yield from ((name, sign, _declaration(text)[0]) for text in rest.split(", "))
         elif sign == VALUES and name not in told:
             told.add(name)
             yield name, sign, "values"
@@ -123,11 +123,11 @@ def applied(difference: Difference, base: etree._ElementTree) -> etree._ElementT
     root = tree.getroot()
     for name, sign, rest in difference.lines():
         if sign == GROUP:
-            for each in rest.split():
-                _end_with_group(_type(root, each), name)
+            for word in rest.split():
+                _end_with_group(_type(root, word), name)
         elif sign in (ATTRIBUTE, CHILD, ALTERNATIVE):
-            for each in rest.split(", "):
-                _CHANGE[sign](_type(root, name), each)
+            for part in rest.split(", "):
+                _CHANGE[sign](_type(root, name), part)
         else:
             _CHANGE[sign](
                 _type(root, name, "simpleType" if sign in (VALUES, _UNION) else "complexType"), rest
@@ -143,30 +143,33 @@ def whole(path: Path) -> etree._ElementTree:
         name = include.get("schemaLocation") or ""
         if name not in known and "/" not in name and "\\" not in name:
             known.add(name)
-            for each in list(parse(path.parent / name).getroot()):
-                root.append(each)
+            for element in list(parse(path.parent / name).getroot()):
+                root.append(element)
         root.remove(include)
     for include in list(root.iterchildren(f"{_XSD}include")):
         root.remove(include)
     ahead = [
-        each for each in root if each.tag in (f"{_XSD}import", f"{_XSD}redefine", f"{_XSD}override")
+        element
+        for element in root
+        if element.tag in (f"{_XSD}import", f"{_XSD}redefine", f"{_XSD}override")
     ]
-    for each in reversed(ahead):
-        root.insert(0, each)
+    for element in reversed(ahead):
+        root.insert(0, element)
     return tree
 
 
 def _type(root: etree._Element, name: str, tag: str = "complexType") -> etree._Element:
     """The named type, or that of the global element of this name; made where there is neither."""
     found = next(
-        (each for each in root.iterchildren(f"{_XSD}{tag}") if each.get("name") == name), None
+        (element for element in root.iterchildren(f"{_XSD}{tag}") if element.get("name") == name),
+        None,
     )
     if found is None:
         found = next(
             (
-                each.find(f"{_XSD}{tag}")
-                for each in root.iterchildren(f"{_XSD}element")
-                if each.get("name") == name
+                element.find(f"{_XSD}{tag}")
+                for element in root.iterchildren(f"{_XSD}element")
+                if element.get("name") == name
             ),
             None,
         )
@@ -199,9 +202,10 @@ def _take(content: etree._Element, name: str, *tags: str) -> int | None:
     """Remove the declaration of that name; its place among the others, None where there is none."""
     found = next(
         (
-            each
-            for each in content
-            if name in (each.get("name"), each.get("ref")) and each.tag[len(_XSD) :] in tags
+            element
+            for element in content
+            if name in (element.get("name"), element.get("ref"))
+            and element.tag[len(_XSD) :] in tags
         ),
         None,
     )
@@ -272,7 +276,7 @@ def _condition(kind: etree._Element, rest: str) -> None:
     parts = _CONDITIONAL.fullmatch(rest)
     assert parts is not None, rest
     name, value, test = parts.groups()
-    child = next(each for each in _model(kind) if each.get("name") == name)
+    child = next(element for element in _model(kind) if element.get("name") == name)
     etree.SubElement(
         child,
         f"{_XSD}alternative",
@@ -323,8 +327,8 @@ def _add_values(kind: etree._Element, rest: str) -> None:
 def _takes_parameters(kind: etree._Element) -> bool:
     """Whether the standard lets parameters stand for values: OpenSCENARIO."""
     return any(
-        each.get("name") == "parameter"
-        for each in kind.itersiblings(f"{_XSD}simpleType", preceding=True)
+        element.get("name") == "parameter"
+        for element in kind.itersiblings(f"{_XSD}simpleType", preceding=True)
     )
 
 

@@ -104,8 +104,8 @@ class _Lanes:
         right = self._right(runs, ends)
         left = {other: one for one, other in right.items()}
         lines = {
-            each: points_at(self._lanes[each[0]].line, _grid(*ends[each[0]][each[1] : each[1] + 2]))
-            for each in parts
+            part: points_at(self._lanes[part[0]].line, _grid(*ends[part[0]][part[1] : part[1] + 2]))
+            for part in parts
         }
         found = []
         for number, part in parts:
@@ -116,7 +116,7 @@ class _Lanes:
                     self._name(number, part),
                     self._bound((number, part), left.get((number, part)), lines, 1.0),
                     self._bound((number, part), right.get((number, part)), lines, -1.0),
-                    successors=tuple(self._name(*each) for each in after),
+                    successors=tuple(self._name(*part) for part in after),
                     beside_right=LaneletNeighbour(self._name(*right[number, part]), True)
                     if (number, part) in right
                     else None,
@@ -292,7 +292,7 @@ class _Lanes:
         line = lines[part]
         if beside is not None:
             count = max(len(line), len(lines[beside]))
-            one, other = (_resampled(each, count) for each in (line, lines[beside]))
+            one, other = (_resampled(bound, count) for bound in (line, lines[beside]))
             return 0.5 * (one + other)
         heading = _headings(line)
         away = self._to_edges(line, heading, side)

@@ -293,7 +293,9 @@ def _shared_edges(
     found: dict[_Lane, tuple[BorderCrossing, BorderCrossing]] = {}
     for key, pair in own.items():
         shared = [
-            np.array([own[each][place] for each, place in sorted(alike[key, side])]).mean(axis=0)
+            np.array([own[number][place] for number, place in sorted(alike[key, side])]).mean(
+                axis=0
+            )
             for side in (0, 1)
         ]
         if all(

@@ -180,8 +180,8 @@ class _Index:
         )
         self._borders = np.array(
             [
-                shapely.MultiLineString([each.left[:, :2], each.right[:, :2]])
-                for each in lanes.values()
+                shapely.MultiLineString([lane.left[:, :2], lane.right[:, :2]])
+                for lane in lanes.values()
             ],
             object,
         )
@@ -203,8 +203,8 @@ class _Index:
         lines = self._centres[lane]
         at = shapely.line_locate_point(lines, places[place])
         ends = [
-            shapely.get_coordinates(shapely.line_interpolate_point(lines, each))
-            for each in (np.maximum(at - 0.2, 0.0), np.minimum(at + 0.2, shapely.length(lines)))
+            shapely.get_coordinates(shapely.line_interpolate_point(lines, distance))
+            for distance in (np.maximum(at - 0.2, 0.0), np.minimum(at + 0.2, shapely.length(lines)))
         ]
         ahead = ends[1] - ends[0]
         same = np.einsum("ij,ij->i", ahead, ways[place]) > _SAME_WAY * np.hypot(*ahead.T)
@@ -269,8 +269,8 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
         lost,
         gained,
         float((borders <= _CLOSE).sum() / compared) if compared else 1.0,
-        [each for each in kinds if each[1] != each[2]],
-        [each for each in limits if abs((each[1] or 0.0) - (each[2] or 0.0)) > _SAME_SPEED],
+        [pair for pair in kinds if pair[1] != pair[2]],
+        [pair for pair in limits if abs((pair[1] or 0.0) - (pair[2] or 0.0)) > _SAME_SPEED],
         [(*middle[at, :2].tolist(), float(borders[at])) for at in worst.tolist()],
     )
 
@@ -321,7 +321,7 @@ def _connections(
         for following in lane.successors
         if following in ours and lane.length >= STEP and ours[following].length >= STEP
     ]
-    ends = list(dict.fromkeys(each for a, b in pairs for each in ((a, True), (b, False))))
+    ends = list(dict.fromkeys(end for a, b in pairs for end in ((a, True), (b, False))))
     points, ways = np.zeros((len(ends), 3)), np.zeros((len(ends), 2))
     for number, (name, at_end) in enumerate(ends):
         lane = ours[name]
@@ -331,7 +331,7 @@ def _connections(
         way = (ahead - behind)[:2]
         points[number], ways[number] = place, way / max(math.hypot(*way), 1e-9)
     matches = index.near(points, ways, np.full(len(ends), _LEAST_REACH))
-    near: dict[tuple[str, bool], set[str]] = {each: set() for each in ends}
+    near: dict[tuple[str, bool], set[str]] = {end: set() for end in ends}
     for at, lane_number in zip(matches.place.tolist(), matches.lane.tolist(), strict=True):
         near[ends[at]].add(index.names[lane_number])
     lost = [(a, b) for a, b in pairs if not _reaches(near[a, True], near[b, False], theirs)]

@@ -204,7 +204,7 @@ def cut_roads(
         UsageError: not one of the four is given, or no road stays.
     """
     file = Path(path)
-    if sum(each is not None for each in (box, polygon, roads, route)) != 1:
+    if sum(choice is not None for choice in (box, polygon, roads, route)) != 1:
         raise UsageError("state one of box, polygon, roads and route")
     network = load(file)
     if roads is not None:

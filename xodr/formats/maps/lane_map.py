@@ -119,11 +119,12 @@ def of_network(network: RoadNetwork) -> LaneMap:
     """The lanes of an OpenDRIVE map."""
     found = {
         name_of(key): MapLane(
-            name_of(key), each.left, each.right, each.lane_type, each.road_type, each.limit, each.paint, each.in_junction,
-            [name_of(other) for other in each.successors],
-            (_named(each.beside[0]), _named(each.beside[1])),
+            name_of(key), lanelet.left, lanelet.right, lanelet.lane_type, lanelet.road_type, lanelet.limit,
+            lanelet.paint, lanelet.in_junction,
+            [name_of(other) for other in lanelet.successors],
+            (_named(lanelet.beside[0]), _named(lanelet.beside[1])),
         )
-        for key, each in lanelets(network).items()
+        for key, lanelet in lanelets(network).items()
     }  # fmt: skip
     rules = [road.rule for road in network.roads.values()]
     left_hand = rules.count("LHT") > len(rules) / 2

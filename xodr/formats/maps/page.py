@@ -74,8 +74,8 @@ def write_page(
     )
     lines = "".join(f"<p>{html.escape(line)}</p>" for line in about)
     listed = "".join(
-        f'<li><a href="#" data-at="{number}">{html.escape(each.text)}</a></li>'
-        for number, each in enumerate(findings)
+        f'<li><a href="#" data-at="{number}">{html.escape(finding.text)}</a></li>'
+        for number, finding in enumerate(findings)
     )
     page = (
         _PAGE.replace("@TITLE@", html.escape(one.name)).replace("@LEGEND@", legend).replace("@ABOUT@", lines)
@@ -189,8 +189,8 @@ def write_picture(
         axes.add_collection(LineCollection(lines, colors="#dd2222", linewidths=0.4))
     if findings:
         axes.plot(
-            [each.x for each in findings],
-            [each.y for each in findings],
+            [finding.x for finding in findings],
+            [finding.y for finding in findings],
             "o",
             mfc="none",
             mec="#dd2222",

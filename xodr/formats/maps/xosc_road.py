@@ -393,12 +393,12 @@ def drive_command(path: Source, as_json: Json = False, _verbose: Verbose = False
 
         with TemporaryDirectory(prefix="xosc-road-") as folder:
             drives = drive_connections(convert(path, Path(folder) / "map.net.xml").path)
-    failed = [each for each in drives if each.problem]
+    failed = [drive for drive in drives if drive.problem]
     if as_json:
-        say(json.dumps([each._asdict() for each in drives], ensure_ascii=False))
+        say(json.dumps([drive._asdict() for drive in drives], ensure_ascii=False))
     else:
         say(f"{len(drives)} connections driven, {len(failed)} failed")
-        say(*(f"  {each.source} to {each.target}: {each.problem}" for each in failed))
+        say(*(f"  {drive.source} to {drive.target}: {drive.problem}" for drive in failed))
     raise typer.Exit(ExitCode.FINDING if failed else ExitCode.PASSED)
 
 
@@ -432,9 +432,9 @@ def _table(difference: MapDifference) -> Iterable[str]:
         ("centre lines", difference.centres),
         ("heights", difference.heights),
     )
-    for name, each in rows:
-        where = f"  {each.where}" if each.largest > 0.001 else ""
-        yield f"{name:14}{each.median:10.4f}{each.most:10.4f}{each.largest:10.4f}{where}"
+    for name, row in rows:
+        where = f"  {row.where}" if row.largest > 0.001 else ""
+        yield f"{name:14}{row.median:10.4f}{row.most:10.4f}{row.largest:10.4f}{where}"
     yield f"within 5 cm at both borders: {difference.within:.2%} of {difference.length / 1000.0:.3f} km of lanes"
     for name, lanes in (("lost", difference.lost), ("gained", difference.gained)):
         some = ", ".join(f"{lane} ({length:.0f} m)" for lane, length in list(lanes.items())[:5])

@@ -286,7 +286,7 @@ def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
             continue
         points = [
             (float(x), float(y))
-            for x, y, *_ in (each.split(",") for each in lane.get("shape", "").split())
+            for x, y, *_ in (point.split(",") for point in lane.get("shape", "").split())
         ]
         gone = np.array([0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))])
         whole = max(gone[-1], _SHORTEST)

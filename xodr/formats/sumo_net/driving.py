@@ -68,8 +68,10 @@ def drive_connections(net: Path) -> list[ConnectionDrive]:
 def _connections(root: etree._Element) -> Iterator[tuple[str, str, str]]:
     """From lane, to lane, and a vehicle class that may use both."""
     lanes = {lane.get("id"): lane for lane in root.iter("lane")}
-    for each in root.iterchildren("connection"):
-        source, target = (f"{each.get(end)}_{each.get(f'{end}Lane')}" for end in ("from", "to"))
+    for connection in root.iterchildren("connection"):
+        source, target = (
+            f"{connection.get(end)}_{connection.get(f'{end}Lane')}" for end in ("from", "to")
+        )
         if source.startswith(":") or source not in lanes or target not in lanes:
             continue
         kind = next(

@@ -91,20 +91,20 @@ def use_of(lane_type: str) -> Use:
 
 def restricted(use: Use, allowed: bool, users: Iterable[str]) -> Use:
     """Return the use of a lane that some road users alone may take (`allowed`), or all others; emergency vehicles always may."""
-    named = {each for user in users for each in _CLASSES.get(user, "").split()}
+    named = {kind for user in users for kind in _CLASSES.get(user, "").split()}
     if not named or use is CLOSED:
         return use
     listed = use.classes.split()
     if allowed:
         open_to = named | {"emergency", "authority", "army"}
         kept = (
-            [each for each in listed if each in open_to]
+            [user for user in listed if user in open_to]
             if use.attribute == "allow"
             else sorted(open_to - set(listed))
         )
         return use._replace(attribute="allow", classes=" ".join(kept)) if kept else use
     if use.attribute == "allow":
-        kept = [each for each in listed if each not in named]
+        kept = [user for user in listed if user not in named]
         return use._replace(classes=" ".join(kept)) if kept else CLOSED._replace(kind=use.kind)
     return use._replace(classes=" ".join([*listed, *sorted(named - set(listed))]))
 

@@ -419,7 +419,7 @@ def _add_lane(
     usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
     speed = road.speed_limit(piece.middle, lane.id) or usual
     use = _use(lane)
-    access = next((each for each in reversed(lane.accesses) if each.s <= piece.middle), None)
+    access = next((access for access in reversed(lane.accesses) if access.s <= piece.middle), None)
     if access is not None:
         use = restricted(use, access.allowed, access.users)
     element = _element(

@@ -50,9 +50,11 @@ def keep_last_declarations(root: Node, version: tuple[int, int]) -> Iterator[Rem
 def tell_repeated_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     """Report siblings with the same name: all are read, and references to the name are ambiguous."""
     elements = (
-        each for each in root.element.iter(etree.Element) if "$" not in each.get("name", "$")
+        element
+        for element in root.element.iter(etree.Element)
+        if "$" not in element.get("name", "$")
     )
-    for element, message in doubled((each, each.get("name", "")) for each in elements):
+    for element, message in doubled((element, element.get("name", "")) for element in elements):
         yield Node(element, root.path).remark(UNIQUE_NAMES_UID, f"{message}; both are read")
 
 
@@ -111,7 +113,7 @@ def attributes(version: tuple[int, int]) -> dict[str, dict[str, Attribute]]:
     if tree is None:
         return {}
     values = {
-        each.get("name"): _values(each) for each in tree.iter("{*}simpleType") if each.get("name")
+        kind.get("name"): _values(kind) for kind in tree.iter("{*}simpleType") if kind.get("name")
     }
     return _by_element(tree, lambda body: _attributes(body, values))
 
@@ -133,10 +135,10 @@ def names(
 @cache
 def is_standard(tag: str) -> bool:
     """Whether any version of the standard has an element of that name; so it is where no XSD is at hand."""
-    schemas = [each for each in available_schemas() if each.standard == OPENSCENARIO]
-    trees = [tree for each in schemas if (tree := _tree(each.version[:2])) is not None]
-    elements = (each for tree in trees for each in tree.iter("{*}element"))
-    return not trees or any(each.get("name") == tag for each in elements)
+    schemas = [schema for schema in available_schemas() if schema.standard == OPENSCENARIO]
+    trees = [tree for schema in schemas if (tree := _tree(schema.version[:2])) is not None]
+    elements = (element for tree in trees for element in tree.iter("{*}element"))
+    return not trees or any(element.get("name") == tag for element in elements)
 
 
 def similar(name: str, known: Iterable[str]) -> str:
@@ -146,7 +148,7 @@ def similar(name: str, known: Iterable[str]) -> str:
 
 @lru_cache(maxsize=4096)
 def _similar(name: str, known: tuple[str, ...]) -> str:
-    by_lower = {each.lower(): each for each in known}
+    by_lower = {name.lower(): name for name in known}
     close = get_close_matches(name.lower(), by_lower, 1, _ALIKE)
     return by_lower[close[0]] if close else ""
 
@@ -154,7 +156,7 @@ def _similar(name: str, known: tuple[str, ...]) -> str:
 def suggested(name: str, known: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar one, or ""."""
     close = get_close_matches(
-        name.lower()[:_LONGEST], by_lower := {each.lower(): each for each in known}, 1
+        name.lower()[:_LONGEST], by_lower := {name.lower(): name for name in known}, 1
     )
     return f"; did you mean {by_lower[close[0]]}?" if close else ""
 
@@ -183,13 +185,13 @@ def _content(
     tree: etree._ElementTree, models: tuple[str, ...]
 ) -> Callable[[etree._Element], dict[str, Child]]:
     """Reads the child elements of a type, of these content models."""
-    groups = {each.get("name"): each for each in tree.iter("{*}group") if each.get("name")}
+    groups = {group.get("name"): group for group in tree.iter("{*}group") if group.get("name")}
 
     def declared(body: etree._Element) -> dict[str, Child]:
         found = [
-            groups.get(each.get("ref"), each)
-            for each in body
-            if etree.QName(each).localname in models
+            groups.get(part.get("ref"), part)
+            for part in body
+            if etree.QName(part).localname in models
         ]
         return {
             name: child for model in found for name, child in _children(model, groups, 0)[0].items()
@@ -207,7 +209,7 @@ def _by_element(
     tree: etree._ElementTree, read: Callable[[etree._Element], dict[str, T]]
 ) -> dict[str, dict[str, T]]:
     """Read a property of each element's type, by element name. Elements with several types are left out."""
-    types = {each.get("name"): each for each in tree.iter("{*}complexType") if each.get("name")}
+    types = {kind.get("name"): kind for kind in tree.iter("{*}complexType") if kind.get("name")}
     found: dict[str, dict[str, T]] = {}
     ambiguous: set[str] = set()
     for element in tree.iter("{*}element"):
@@ -221,16 +223,16 @@ def _attributes(
     body: etree._Element, values: dict[str | None, tuple[str, ...]]
 ) -> dict[str, Attribute]:
     found = {}
-    for each in body.iter("{*}attribute"):
-        kind = (each.get("type") or "").split(":")[-1]
-        found[each.get("name") or ""] = Attribute(
-            _KINDS.get(kind), each.get("use") == "required", values.get(kind, ())
+    for attribute in body.iter("{*}attribute"):
+        kind = (attribute.get("type") or "").split(":")[-1]
+        found[attribute.get("name") or ""] = Attribute(
+            _KINDS.get(kind), attribute.get("use") == "required", values.get(kind, ())
         )
     return found
 
 
 def _values(kind: etree._Element) -> tuple[str, ...]:
-    return tuple(str(each.get("value")) for each in kind.iter("{*}enumeration"))
+    return tuple(str(enumeration.get("value")) for enumeration in kind.iter("{*}enumeration"))
 
 
 def _children(
@@ -239,23 +241,23 @@ def _children(
     """The children in a sequence, choice, all or group, the first of them at a place; and the place behind them."""
     found: dict[str, Child] = {}
     kind, begin, end = etree.QName(model).localname, place, place
-    for each in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
+    for particle in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
         start = begin if kind == "choice" else end
-        many = each.get("maxOccurs", "1") != "1"
-        if name := each.get("name"):
+        many = particle.get("maxOccurs", "1") != "1"
+        if name := particle.get("name"):
             inside, after = (
                 {
                     name: Child(
                         -1 if kind == "all" else start,
-                        each.get("minOccurs") != "0",
+                        particle.get("minOccurs") != "0",
                         many,
-                        each.get("type", ""),
+                        particle.get("type", ""),
                     )
                 },
                 start + 1,
             )
         else:
-            inside, after = _children(groups.get(each.get("ref"), each), groups, start)
+            inside, after = _children(groups.get(particle.get("ref"), particle), groups, start)
             inside = {
                 name: child._replace(many=child.many or many) for name, child in inside.items()
             }
@@ -296,7 +298,7 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
     """Give attributes that no version of the standard has the name that is nearly theirs; leave out the others."""
     declared, known = attributes(version), names(attributes)
     for node in root.iter():
-        given = [str(each) for each in node.element.attrib] if node.tag in known else []
+        given = [str(name) for name in node.element.attrib] if node.tag in known else []
         unknown = [name for name in given if not (name in known[node.tag] or name.startswith("{"))]
         if (
             len(unknown) > _MOST_CORRECTED
@@ -306,9 +308,9 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
         for name in unknown:
             value = node.element.attrib.pop(name)
             free = [
-                each
-                for each in declared.get(node.tag, sorted(known[node.tag]))
-                if not node.has(each)
+                name
+                for name in declared.get(node.tag, sorted(known[node.tag]))
+                if not node.has(name)
             ]
             right = _FORMER.get((node.tag, name), "") or (
                 f"{name}Ref" if f"{name}Ref" in free else similar(name, free)

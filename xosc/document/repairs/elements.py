@@ -61,9 +61,9 @@ def _alike(one: Node, other: Node) -> bool:
     """Whether two elements have the same content: which of them is read does not matter."""
     first, second = (
         etree.canonicalize(
-            etree.tostring(each.element, with_tail=False, encoding="unicode"), strip_text=True
+            etree.tostring(node.element, with_tail=False, encoding="unicode"), strip_text=True
         )
-        for each in (one, other)
+        for node in (one, other)
     )
     return bool(first == second)
 
@@ -112,9 +112,9 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     for node in list(root.iter("FinalSpeed")):
         speeds = node.children("AbsoluteSpeed", "RelativeSpeedToMaster")
         astray = [
-            each
-            for each in node.iter(*_STEADY)
-            if each.element.getparent() not in [speed.element for speed in speeds]
+            inner
+            for inner in node.iter(*_STEADY)
+            if inner.element.getparent() not in [speed.element for speed in speeds]
         ]
         if (
             len(speeds) != 1
@@ -145,7 +145,7 @@ def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Rema
         inside = node.children() if siblings else []
         present = {child.tag for child in inside}
         for child in inside:
-            absent = {name: each for name, each in siblings.items() if name not in present}
+            absent = {name: sibling for name, sibling in siblings.items() if name not in present}
             right = (
                 ""
                 if child.tag in known[node.tag]
@@ -162,7 +162,7 @@ def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Rema
 
 def _of_type(name: str, absent: dict[str, Child]) -> str:
     """The only element of the type of that name; "" where there is none, or more than one."""
-    found = [each for each, child in absent.items() if child.type == name]
+    found = [tag for tag, child in absent.items() if child.type == name]
     return found[0] if len(found) == 1 else ""
 
 
@@ -171,8 +171,8 @@ def order_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     declared = children(version)
     for node in list(root.iter()):
         siblings = declared.get(node.tag, {})
-        inside = [each for each in node.children() if each.tag in siblings]
-        places = [siblings[each.tag].place for each in inside]
+        inside = [child for child in node.children() if child.tag in siblings]
+        places = [siblings[child.tag].place for child in inside]
         late = next(
             (number for number, (before, after) in enumerate(pairwise(places)) if after < before),
             None,
@@ -180,8 +180,8 @@ def order_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
         if late is None:
             continue
         first, second = inside[late], inside[late + 1]
-        for each in sorted(inside, key=lambda each: siblings[each.tag].place):
-            node.element.append(each.element)
+        for child in sorted(inside, key=lambda node: siblings[node.tag].place):
+            node.element.append(child.element)
         yield second.remark(
             SCHEMA_UID,
             f"the element {second.tag} comes after {first.tag}; it is read as if it came before",
@@ -236,9 +236,9 @@ def _add(node: Node, name: str, child: Child, siblings: dict[str, Child]) -> Non
     added.sourceline = node.line  # type: ignore[assignment]  # the stubs leave its type open
     later = next(
         (
-            each
-            for each in node.children()
-            if each.tag in siblings and siblings[each.tag].place > child.place
+            other
+            for other in node.children()
+            if other.tag in siblings and siblings[other.tag].place > child.place
         ),
         None,
     )

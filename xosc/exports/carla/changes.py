@@ -143,8 +143,8 @@ def need_entities(document: Document) -> None:
         InvalidFile: there is one; the first is named with file and line.
     """
     declared = {
-        each.get("name")
-        for each in document.node.need("Entities").children("ScenarioObject", "EntitySelection")
+        entity.get("name")
+        for entity in document.node.need("Entities").children("ScenarioObject", "EntitySelection")
     }
     for node in document.node.iter():
         for name in (node.get("entityRef", None), node.get("masterEntityRef", None)):
@@ -300,7 +300,8 @@ def change(
 def _on_lane(position: Node, known: Mapping[str, InitialState], roads: _Elements) -> None:
     """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
     private = next(
-        (each for each in position.element.iterancestors() if each.tag == "Private"), None
+        (ancestor for ancestor in position.element.iterancestors() if ancestor.tag == "Private"),
+        None,
     )
     start = known[private.get("entityRef", "")] if private is not None else InitialState()
     lengths = {road.get("id"): float(road.get("length", "0")) for road in roads}
@@ -375,12 +376,12 @@ def _hero(document: Document) -> str:
     """Name the ego as CARLA's agents look for it, and mark it as scenario_runner does."""
     objects = list(document.node.iter("ScenarioObject"))
     named = [
-        each
-        for each in objects
-        if each.find("Vehicle") is not None and EGO_NAME.fullmatch(each.get("name"))
+        entity
+        for entity in objects
+        if entity.find("Vehicle") is not None and EGO_NAME.fullmatch(entity.get("name"))
     ]
-    for each in objects:
-        vehicle = each.find("Vehicle")
+    for entity in objects:
+        vehicle = entity.find("Vehicle")
         if vehicle is not None:
             holder = vehicle.element.find("Properties")
             holder = etree.SubElement(vehicle.element, "Properties") if holder is None else holder
@@ -388,14 +389,14 @@ def _hero(document: Document) -> str:
                 holder.remove(said)
             kind = (
                 "ego_vehicle"
-                if each.element in [ego.element for ego in named[:1]]
+                if entity.element in [ego.element for ego in named[:1]]
                 else "simulation"
             )
             holder.insert(0, etree.Element("Property", name="type", value=kind))
     if not named:
         return f"{document.path}: no vehicle is called Ego or hero: CARLA runs it without an ego"
     old = named[0].get("name")
-    if old != HERO and any(each.get("name") == HERO for each in objects):
+    if old != HERO and any(entity.get("name") == HERO for entity in objects):
         raise named[0].unsupported(
             f"the ego must be called {HERO}, which is the name of another entity"
         )

@@ -214,7 +214,7 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
     if starts_at_once(Node(around[0], condition.path), scenario) is False:
         return f"{condition.where}: Condition: its delay is left out, its act never starts"
     begins = geometry.begins(Node(around[1], condition.path))
-    entities = [str(each.get("entityRef", "")) for each in condition.element.iter()]
+    entities = [str(element.get("entityRef", "")) for element in condition.element.iter()]
     if (
         begins is None
         or any(map(EGO_NAME.fullmatch, entities))
@@ -282,16 +282,17 @@ def times(document: Document) -> None:
 def starts_with_scenario(action: Node) -> bool:
     """Whether an action is one of Init that a story does at the beginning."""
     return any(
-        each.tag == "Story" and each.get("name") == STORY for each in action.element.iterancestors()
+        ancestor.tag == "Story" and ancestor.get("name") == STORY
+        for ancestor in action.element.iterancestors()
     )
 
 
 def steer(document: Document) -> None:
     """Give followers of trajectories without times a controller that ignores them; in a document of 1.0."""
     untimed = [
-        each
-        for each in document.node.iter("FollowTrajectoryAction")
-        if each.find("TimeReference", "Timing") is None
+        action
+        for action in document.node.iter("FollowTrajectoryAction")
+        if action.find("TimeReference", "Timing") is None
     ]
     for entity in dict.fromkeys(name for action in untimed for name in actors(action)):
         for private in document.node.need("Storyboard", "Init").iter("Private"):
@@ -356,13 +357,13 @@ def trajectories(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Replace speed profiles independent of other entities by timed trajectories, if nothing else moves the actor; remarks."""
     stories = document.node.need("Storyboard").children("Story")
-    for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
+    for action in [action for story in stories for action in story.iter("SpeedProfileAction")]:
         begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
         others = [
-            geometry.begins(each)
+            geometry.begins(action)
             for story in stories
-            for each in story.iter(*_ENDS)
-            if doing & set(actors(each))
+            for action in story.iter(*_ENDS)
+            if doing & set(actors(action))
         ]
         alone = not any(time is not None and (end is None or time < end) for time in others)
         if begin is not None and alone and not action.get("entityRef", ""):
@@ -373,9 +374,9 @@ def kept_distances(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
     scenario = document.node
     for action in [
-        each
+        action
         for story in scenario.need("Storyboard").children("Story")
-        for each in story.iter(_DISTANCE)
+        for action in story.iter(_DISTANCE)
     ]:
         begin, doing = _begin(action, geometry), actors(action)
         newer = action.has("timeGap") or action.get("coordinateSystem", "entity") != "entity"
@@ -403,11 +404,11 @@ def _led(
 ) -> float:
     """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
     others = [
-        each
+        action
         for story in scenario.need("Storyboard").children("Story")
-        for each in story.iter(*kinds)
+        for action in story.iter(*kinds)
     ]
-    later = (geometry.begins(each) for each in others if entity in actors(each))
+    later = (geometry.begins(action) for action in others if entity in actors(action))
     return min((time for time in later if time is not None and time > since), default=math.inf)
 
 
@@ -457,7 +458,7 @@ def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Uns
             end.
     """
     begin, doing = _begin(action, geometry), actors(action)
-    jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
+    jumps = any(child.get("dynamicsShape", "") == "step" for child in action.children())
     if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
         raise refusal
     places = _apart(
@@ -489,11 +490,11 @@ def _is_awaited(action: Node, scenario: Node) -> bool:
     """Whether a condition asks for the end of an action, or of something that it is part of."""
     around = set(action.element.iterancestors())
     states = [
-        each
-        for each in scenario.iter("StoryboardElementStateCondition")
-        if not each.get("state").startswith("st")
+        condition
+        for condition in scenario.iter("StoryboardElementStateCondition")
+        if not condition.get("state").startswith("st")
     ]
-    return any(each.element in around for state in states for each in meant(state, scenario))
+    return any(node.element in around for state in states for node in meant(state, scenario))
 
 
 def _apart(places: Sequence[Vertex]) -> list[Vertex]:
@@ -525,7 +526,7 @@ def routes(document: Document, geometry: RoadGeometry) -> Iterator[str]:
         Unsupported: the way is not known before the scenario runs.
     """
     scenario = document.node
-    for action in [each for tag in ROUTES for each in scenario.iter(tag)]:
+    for action in [action for tag in ROUTES for action in scenario.iter(tag)]:
         try:
             yield _from_the_beginning(action, scenario, geometry)
         except Unsupported as error:
@@ -538,7 +539,8 @@ def _is_left_aside(action: Node, scenario: Node) -> bool:
     """Whether its actors go beside their route, or change lanes on it: that leaves a route as it is, and ends a trajectory."""
     doing = set(actors(action))
     return any(
-        doing & set(actors(each)) and not _is_first(each) for each in scenario.iter("LateralAction")
+        doing & set(actors(lateral)) and not _is_first(lateral)
+        for lateral in scenario.iter("LateralAction")
     )
 
 
@@ -580,14 +582,14 @@ def _only_way(action: Node, entity: str, scenario: Node, beside: Sequence[str]) 
 
 def _teleports(scenario: Node) -> list[Node]:
     return [
-        each
+        teleport
         for story in scenario.need("Storyboard").children("Story")
-        for each in story.iter("TeleportAction")
+        for teleport in story.iter("TeleportAction")
     ]
 
 
 def _is_first(action: Node) -> bool:
-    return any(each.tag == "Init" for each in action.element.iterancestors())
+    return any(ancestor.tag == "Init" for ancestor in action.element.iterancestors())
 
 
 def _following(places: Sequence[Vertex]) -> etree._Element:

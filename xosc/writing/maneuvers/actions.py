@@ -59,9 +59,11 @@ Conditions = TriggerCondition | Sequence[TriggerCondition] | Sequence[Sequence[T
 def trigger(conditions: Conditions, point: str) -> Any:
     """A trigger that fires when its conditions hold."""
     listed = [conditions] if isinstance(conditions, TriggerCondition) else conditions
-    single = [each for each in listed if isinstance(each, TriggerCondition)]
+    single = [condition for condition in listed if isinstance(condition, TriggerCondition)]
     groups = (
-        [single] if single else [each for each in listed if not isinstance(each, TriggerCondition)]
+        [single]
+        if single
+        else [group for group in listed if not isinstance(group, TriggerCondition)]
     )
     if not groups or not all(groups):
         raise UsageError(f"a {point} trigger needs at least one condition")
@@ -249,7 +251,7 @@ STEP = Dynamics("step", "time", 0.0)
 
 def world_position(x: Number, y: Number, z: Number | None = None, h: Number | None = None) -> Any:
     """A position in world coordinates, m and rad."""
-    return sg.WorldPosition(*(None if each is None else number(each) for each in (x, y, z, h)))
+    return sg.WorldPosition(*(None if value is None else number(value) for value in (x, y, z, h)))
 
 
 def lane_position(road: str, lane: str | int, s: Number, offset: Number = 0.0) -> Any:
@@ -447,6 +449,6 @@ def event(name: str, actions: Sequence[Any], start: Conditions, priority: str = 
 def maneuver(name: str, events: Sequence[Any], parameters: Sequence[Any] = ()) -> Any:
     """`Maneuver`: events of one participant; with `parameter` declarations of its own where it is for a catalogue."""
     built = sg.Maneuver(name, declarations(parameters) if parameters else None)
-    for each in events:
-        built.add_event(each)
+    for event in events:
+        built.add_event(event)
     return built

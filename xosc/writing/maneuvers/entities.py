@@ -173,7 +173,7 @@ def vehicle(
         if not float(number(value)) > 0:
             raise UsageError(f"the {label} of the vehicle {name!r} must be positive, not {value}")
     x = wheelbase / 2 if centre is None else float(number(centre))
-    performance = (number(each) for each in (max_speed, max_acceleration, max_deceleration))
+    performance = (number(limit) for limit in (max_speed, max_acceleration, max_deceleration))
     return sg.Vehicle(
         name,
         enum_value("VehicleCategory", category),
@@ -268,8 +268,8 @@ def parameter(
 def declarations(parameters: Sequence[Any]) -> Any:
     """`ParameterDeclarations` of some `parameter`."""
     declared = sg.ParameterDeclarations()
-    for each in parameters:
-        declared.add_parameter(each)
+    for parameter in parameters:
+        declared.add_parameter(parameter)
     return declared
 
 

@@ -50,9 +50,9 @@ def models() -> dict[str, Model]:
     """The models by name, the default one first; none of them is imported."""
     # Described in the sources: importing the models would load torch and scikit-learn.
     found = {
-        name: Model(f"{__name__}.{module}", each["class"], each["title"])
+        name: Model(f"{__name__}.{module}", description["class"], description["title"])
         for module, densities in described(__name__, "DENSITIES").items()
-        for name, each in densities.items()
+        for name, description in densities.items()
     }
     return {DEFAULT: found.pop(DEFAULT), **dict(sorted(found.items()))}
 

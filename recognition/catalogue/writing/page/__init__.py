@@ -65,7 +65,7 @@ def film(
         if moved.shape[1] < 2 or both.start >= both.stop:
             continue
         mine, theirs = (
-            each[2][:2, both.start - each[1] : both.stop - each[1]] for each in (ego, one)
+            track[2][:2, both.start - track[1] : both.stop - track[1]] for track in (ego, one)
         )
         apart = float(np.hypot(*(mine - theirs)).min())
         near.append((part.track.name != partner, apart, part.name, one))
@@ -73,7 +73,7 @@ def film(
         ego,
         *(
             one
-            for other, apart, _, one in sorted(near, key=lambda each: each[:3])[:most]
+            for other, apart, _, one in sorted(near, key=lambda candidate: candidate[:3])[:most]
             if not other or apart <= _REACH
         ),
     ]

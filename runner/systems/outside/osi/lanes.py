@@ -131,7 +131,9 @@ class Lanes:
                 made[number] = message.lane.add()
                 made[number].id.value = number
             self._fill_lane(made[number].classification, lanelet)
-        lines = {border: line for each in self._lanelets for border, line in self._lines(each)}
+        lines = {
+            border: line for lanelet in self._lanelets for border, line in self._lines(lanelet)
+        }
         for (
             each
         ) in self._lanelets:  # on a kerb the outer side of the lane counts whose border it is
@@ -178,9 +180,9 @@ class Lanes:
         """The lanes that a lane of a junction leads to."""
         ahead = lanelets(self._network)[key].successors
         return [
-            each
+            lane
             for following in ahead
-            for each in (self._exits(following) if self._is_inside(following) else [following])
+            for lane in (self._exits(following) if self._is_inside(following) else [following])
         ]
 
     def _present(self, keys: Iterable[Key]) -> list[int]:

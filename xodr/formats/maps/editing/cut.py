@@ -45,10 +45,10 @@ def with_junctions(network: RoadNetwork, roads: set[str]) -> set[str]:
         if inner & roads:
             found |= inner
             continue
-        for each in junction.connections:
-            ends = _ends(network, each.connecting_road)
+        for connection in junction.connections:
+            ends = _ends(network, connection.connecting_road)
             if ends and ends <= roads:
-                found.add(each.connecting_road)
+                found.add(connection.connecting_road)
     return found
 
 
@@ -149,20 +149,20 @@ def _junctions(root: etree._Element, roads: set[str | None]) -> tuple[set[str | 
     """Take away ways through junctions that lead from or to roads that are gone; ids of the junctions that are left."""
     ways, empty = 0, 0
     for junction in root.findall("junction"):
-        for each in junction.findall("connection"):
+        for connection in junction.findall("connection"):
             named = {
-                each.get(name) for name in ("incomingRoad", "connectingRoad", "linkedRoad")
+                connection.get(name) for name in ("incomingRoad", "connectingRoad", "linkedRoad")
             } - {None}
             if not named <= roads:
-                junction.remove(each)
+                junction.remove(connection)
                 ways += 1
-        for each in [*junction.findall("priority"), *junction.findall("crossPath")]:
+        for element in [*junction.findall("priority"), *junction.findall("crossPath")]:
             named = {
-                each.get(name)
+                element.get(name)
                 for name in ("high", "low", "crossingRoad", "roadAtStart", "roadAtEnd")
             } - {None}
             if not named <= roads:
-                junction.remove(each)
+                junction.remove(element)
         if not junction.findall("connection"):
             root.remove(junction)
             empty += 1
