@@ -94,12 +94,13 @@ def differences(outcomes: BatchOutcomes, place: int, result: RunResult) -> Itera
     if seen is None:
         return
     measured = outcomes.measured(parameter_set("ad-rss"), RISK_WINDOW)
-    told_at_once = {
-        name: float(getattr(measured, name)[place]) for name in vars(measured) if name != "nearest"
-    }
     for name, value in _at_once(seen).items():
-        if not _alike(told_at_once[name], value):
-            yield f"{name} is {told_at_once[name]} instead of {value}"
+        told_at_once = float(getattr(measured, name)[place])
+        if not _alike(told_at_once, value):
+            yield f"{name} is {told_at_once} instead of {value}"
+    side = str(measured.side[place])
+    if side != (seen.impact.side if seen.impact is not None else ""):
+        yield f"the side that is touched is {side!r}"
     own = outcomes.criticality(place).summary
     for name, value in seen.summary.items():
         if not _alike(_number(own[name]), _number(value)):
@@ -117,6 +118,8 @@ def _at_once(seen: Criticality) -> dict[str, float]:
         "min_distance": float(distance.value[distance.valid].min(initial=math.inf)),
         "risk": seen.risk("ad-rss") or 0.0,
         "risk_before": before,
+        "impact_speed": seen.impact.speed if seen.impact is not None else 0.0,
+        "striking": float(seen.impact is not None and seen.impact.striking),
     }
 
 

@@ -14,19 +14,15 @@ from runner.batch.arrays import obstacle, play, structures
 from runner.batch.jobs import Job
 from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
-from runner.judging.measures.contacts import first_impact
-from runner.judging.measures.relations import MotionRows
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
-_BLOCK = 4096
+_BLOCK = 8192
 """Points that are played at a time: episodes are short, and more at a time cost less each"""
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
-_AROUND = 5
-"""Instants before and after a contact that say how it came about"""
 _UNTESTED = "it did not test what the file describes"
 
 
@@ -98,14 +94,6 @@ class ArrayPlays:
         return {name: str(value) for name, value in values.items()}
 
 
-def _motions(
-    outcomes: BatchOutcomes, row: int, instants: slice
-) -> tuple[MotionRows, list[MotionRows]]:
-    """The ego of a run at some instants, and everyone else."""
-    ego, *others = (outcomes.motion(name, row, instants) for name in outcomes.motions)
-    return ego, others
-
-
 def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
     """Columns of `Outcomes` of runs in arrays (n,)."""
     measured = outcomes.measured(parameter_set(rss), RISK_WINDOW)
@@ -119,23 +107,13 @@ def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
         "max_drac": measured.max_drac,
         "clearance": measured.min_distance,
         "conflict": measured.nearest,
-        "impact_speed": np.zeros(len(failed)),
-        "side": np.full(len(failed), "", object),
-        "striking": np.zeros(len(failed), bool),
+        "impact_speed": np.where(failed, measured.impact_speed, 0.0),
+        "side": np.where(failed, measured.side, "").astype(object),
+        "striking": failed & measured.striking,
         "end_time": outcomes.end_time,
         "status": np.where(untested, INCONCLUSIVE, outcomes.status),
         "error": np.where(untested, _UNTESTED, "").astype(object),
     }
     for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict"):
         found[name] = np.where(untested, NOTHING[name], found[name])
-    for row in np.flatnonzero(failed).tolist():
-        contact = int(outcomes.contact[row] / outcomes.dt)
-        around = slice(max(contact - _AROUND, 0), contact + _AROUND)
-        # A few instants about the contact are enough in most cases; else the whole run is searched.
-        impact = first_impact(*_motions(outcomes, row, around)) or first_impact(
-            *_motions(outcomes, row, slice(None))
-        )
-        if impact is not None:
-            found["impact_speed"][row], found["side"][row] = impact.speed, impact.side
-            found["striking"][row] = impact.striking
     return found

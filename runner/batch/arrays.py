@@ -192,7 +192,7 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
                     continue
                 run.play()
                 outcomes = judge.outcomes(run)
-                moves = outcomes.steps.sum() * len(outcomes.motions)
+                moves = outcomes.steps.sum() * len(outcomes.names)
                 if (
                     run.loaded.count > _RUN_BY_RUN * moves
                     or (outcomes.outcome == OPEN).mean() > _MOST_OPEN

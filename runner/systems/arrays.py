@@ -344,7 +344,7 @@ def _checked(what: str, values: Any, mask: Any, n: int) -> tuple[FloatArray, Boo
     if numbers.shape != (n,) or counts.shape != (n,):
         shape = numbers.shape if numbers.shape != (n,) else counts.shape
         raise ValueError(f"control_batch() returned {what} of shape {shape}, ({n},) is expected")
-    if not np.isfinite(numbers[counts]).all():
+    if not (np.isfinite(numbers) | ~counts).all():
         place = int(np.flatnonzero(counts & ~np.isfinite(numbers))[0])
         raise ValueError(
             f"control_batch() returned {what} {numbers[place]} at place {place}, finite numbers are expected"

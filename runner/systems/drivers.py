@@ -412,22 +412,28 @@ class BatchSystemDriver(RunRows):
         if asked.any():
             rows = np.flatnonzero(asked)
             answers = self._system.control(self._observations(run, ego, rows), run.dt)
-            wanted[rows], accelerates[rows] = answers.acceleration, answers.accelerates
-            left = np.zeros(run.n, bool)
-            left[rows] = answers.unanswered | answers.steers
-            run.leave(left)
-            self.commanded[asked & run.going] += 1
-            accelerates &= longitudinal
+            alone = answers.unanswered | answers.steers
+            if len(rows) == run.n:
+                wanted, accelerates = answers.acceleration, answers.accelerates
+            else:
+                wanted[rows], accelerates[rows] = answers.acceleration, answers.accelerates
+            if alone.any():
+                run.leave(np.isin(np.arange(run.n), rows[alone]))
+            self.commanded += asked & run.going
+            accelerates = accelerates & longitudinal
         limits, target, dt = ego.declared.performance, ego.target_speed, run.dt
         grip = _GRAVITY * run.environment.friction
         least, most = -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip)
         speed = ego.speed + np.maximum(least, np.minimum(most, wanted)) * dt
         forward = np.minimum(np.maximum(speed, 0.0), np.maximum(limits.max_speed, ego.speed))
         driven = np.where(ego.speed >= 0.0, forward, np.minimum(speed, 0.0))
-        back = returning_batch(ego, target, dt)
-        was = self._returning
-        self._returning = accelerates | (was & (np.abs(back - target) >= _SAME))
-        found: FloatArray = np.where(accelerates, driven, np.where(was, back, target))
+        was, left = self._returning, target
+        self._returning = accelerates
+        if was.any():
+            back = returning_batch(ego, target, dt)
+            self._returning = accelerates | (was & (np.abs(back - target) >= _SAME))
+            left = np.where(was, back, target)
+        found: FloatArray = np.where(accelerates, driven, left)
         return found
 
     def _observations(self, run: BatchRun, ego: EntityRows, rows: IntArray) -> BatchObservation:
@@ -468,8 +474,8 @@ def _state(rows: Sequence[EntityRows], shape: tuple[int, ...]) -> dict[str, Any]
     """Fields of participants that change from step to step."""
     return {
         name: np.array([getattr(row, name) for row in rows]).reshape(shape)
-        if shape
-        else getattr(rows[0], name)
+        if len(rows) != 1
+        else getattr(rows[0], name).reshape(shape or -1)
         for name in _MOVING
     }
 

@@ -144,27 +144,39 @@ class LaneMotion:
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
         """`advance` in many runs (n,), where they are `going`; steps that leave a line or arc are done one by one."""
-        offset, turn = rows.kept_offset, np.zeros_like(speed)
-        distance = speed * dt
+        offset, distance, turn = rows.kept_offset, speed * dt, None
         steered = ~np.isnan(rows.target_offset)
-        if steered.any():
+        is_steered = steered.any()
+        if is_steered:
             distance, turn = _sidestep_batch(rows, distance, steered)
             offset = np.where(steered, rows.target_offset, offset)
-        ahead = rows.direction * distance
+        against = rows.direction < 0
+        is_against = against.any()
+        ahead = np.where(against, -distance, distance) if is_against else distance
         if rows.curvature.any():
             ahead = ahead / np.maximum(1.0 - rows.curvature * rows.t, _SHARPEST)
         s, aside = rows.s + ahead, rows.center + offset
-        glides = going & rows.gliding & (rows.low <= s) & (s < rows.high)
         # All rows are computed; `glides` selects those for which the result holds.
+        glides = rows.gliding & (rows.low <= s) & (s < rows.high)
         x, y, h = rows.on_stretch(s, aside)
-        h = h + rows.heading_offset + turn
-        h = np.where(rows.direction < 0, h + math.pi, h)
-        rows.s, rows.t = np.where(glides, s, rows.s), np.where(glides, aside, rows.t)
-        rows.x, rows.y = np.where(glides, x, rows.x), np.where(glides, y, rows.y)
-        rows.h = np.where(glides, h, rows.h)
-        rows.kept_offset = np.where(glides, offset, rows.kept_offset)
+        h = h + rows.heading_offset
+        if turn is not None:
+            h += turn
+        if is_against:
+            h[against] += math.pi
+        moved = {"s": s, "t": aside, "x": x, "y": y, "h": h, "kept_offset": offset}
+        if glides.all():  # runs that are over go on, unseen
+            for name, values in moved.items():
+                setattr(rows, name, values)
+            if is_steered:
+                rows.target_offset = np.full_like(speed, np.nan)
+            return speed
+        glides &= going
+        for name, values in moved.items():
+            setattr(rows, name, np.where(glides, values, getattr(rows, name)))
         left = going & rows.on_lane & ~glides
-        rows.target_offset = np.where(glides, np.nan, rows.target_offset)
+        if is_steered:
+            rows.target_offset = np.where(glides, np.nan, rows.target_offset)
         left &= (speed != 0.0) | ~np.isnan(rows.target_offset)
         speed = speed.copy()
         # Rare steps, over a border say, are done by the same code as in one run.
@@ -490,7 +502,7 @@ class Roads:
             along = going & rows.on_lane & ~led
             STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane & ~led)
             if led.any():
-                speed = speed.copy()
+                speed, rows.h = speed.copy(), rows.h.copy()
             for row in np.flatnonzero(led):
                 entity = rows.load(row)
                 speed[row] = entity.controls.motion.advance(entity, float(speed[row]), dt)
@@ -503,8 +515,7 @@ class Roads:
         """`stay` in the runs (n,) in which lateral action has ended."""
         moved = np.where(np.isnan(rows.target_offset), rows.kept_offset, rows.target_offset)
         within = np.abs(moved) <= 0.5 * rows.width + _MOVED
-        guided = np.not_equal(rows.route, np.array(None, object)).astype(bool)
-        for row in np.flatnonzero(ended & rows.on_lane & (guided | ~within)):
+        for row in np.flatnonzero(ended & rows.on_lane & (rows.guided | ~within)):
             entity = rows.load(row)
             self.stay(entity)
             rows.store(row, entity)

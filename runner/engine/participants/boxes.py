@@ -52,12 +52,16 @@ class BoxedRows(Protocol):
 
 
 class MovedRows(BoxedRows, Protocol):
-    """The same with the velocities over ground in the last step (m/s)."""
+    """The same with pitch (rad), velocities over ground (m/s) and turns (rad) in the last step."""
 
+    @property
+    def pitch(self) -> FloatArray: ...
     @property
     def vx(self) -> FloatArray: ...
     @property
     def vy(self) -> FloatArray: ...
+    @property
+    def turn(self) -> FloatArray: ...
 
 
 class Spot(NamedTuple):
@@ -228,6 +232,70 @@ def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
         if after <= 1.0:
             return (part + after) / parts
     return None
+
+
+def first_touch_batch(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> FloatArray:
+    """`first_touch` in some of many runs (k,): infinite for none; NaN where a participant turns much, which takes parts."""
+    (x, y, z, h, dx, dy, rise, turn), (bx, by, bz, bh, bdx, bdy, brise, bturn) = (
+        _step(each, dt, rows) for each in (a, b)
+    )
+    ca, sa, cb, sb = (
+        f(heading - 0.5 * by_turn)
+        for heading, by_turn in ((h, turn), (bh, bturn))
+        for f in (np.cos, np.sin)
+    )
+    px, py = x - dx, y - dy
+    vx, vy = bdx - dx, bdy - dy
+    gx = bx - bdx - px + cb * b.box.x - sb * b.box.y
+    gy = by - bdy - py + sb * b.box.x + cb * b.box.y
+    place = gx * ca + gy * sa - a.box.x, gy * ca - gx * sa - a.box.y
+    share = _entry_batch(
+        place, (cb * ca + sb * sa, sb * ca - cb * sa), a.box, b.box,
+        (vx * ca + vy * sa, vy * ca - vx * sa),
+    )  # fmt: skip
+    middle = np.abs(bz - brise + b.box.z - z + rise - a.box.z)
+    share[(middle > (a.box.height + b.box.height) / 2) | (share > 1.0)] = math.inf
+    share[np.maximum(np.abs(turn), np.abs(bturn)) > _STRAIGHT] = math.nan
+    return share
+
+
+def _step(moved: MovedRows, dt: float, rows: IntArray) -> tuple[FloatArray, ...]:
+    """Poses x, y, z, h at the end of the last step, and its way dx, dy, rise (m) and turn (rad), in some runs (k,)."""
+    x, y, z, h, vx, vy, turn = (
+        getattr(moved, name)[rows] for name in ("x", "y", "z", "h", "vx", "vy", "turn")
+    )
+    dx, dy = vx * dt, vy * dt
+    ahead = np.where(vx * np.cos(h) + vy * np.sin(h) >= 0.0, 1.0, -1.0)
+    rise = -np.tan(moved.pitch[rows]) * ahead * np.hypot(dx, dy)
+    return x, y, z, h, dx, dy, rise, turn - math.tau * np.round(turn / math.tau)
+
+
+def _entry_batch(
+    place: tuple[FloatArray, FloatArray],
+    heading: tuple[FloatArray, FloatArray],
+    a: BoundingBox,
+    b: BoundingBox,
+    velocity: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """`entry` in many cases (k,): centres of b seen from a, cosines and sines of headings, velocities."""
+    (x, y), (c, s), (vx, vy) = place, heading, velocity
+    al, aw, bl, bw = a.length / 2 + _TOUCHING, a.width / 2 + _TOUCHING, b.length / 2, b.width / 2
+    cos, sin = np.abs(c), np.abs(s)
+    begin, end = np.zeros_like(x), np.full_like(x, math.inf)
+    for at, speed, size in (
+        (x, vx, al + bl * cos + bw * sin),
+        (y, vy, aw + bl * sin + bw * cos),
+        (x * c + y * s, vx * c + vy * s, bl + al * cos + aw * sin),
+        (y * c - x * s, vy * c - vx * s, bw + al * sin + aw * cos),
+    ):
+        stands = speed == 0.0
+        rate = np.where(stands, 1.0, speed)
+        first, last = (-size - at) / rate, (size - at) / rate
+        apart = np.abs(at) > size
+        begin = np.maximum(begin, np.where(stands, -math.inf, np.minimum(first, last)))
+        end = np.minimum(end, np.where(stands, math.inf, np.maximum(first, last)))
+        end[stands & apart] = -math.inf
+    return np.where(begin > end, math.inf, begin)
 
 
 def _forward(moved: Moved) -> float:

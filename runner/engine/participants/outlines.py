@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from runner.engine.participants.declaration import BoundingBox
-from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 class OutlineRows(Protocol):
@@ -26,11 +26,39 @@ class OutlineRows(Protocol):
     def facing(self) -> tuple[FloatArray, FloatArray]: ...
 
 
+class HeadedRows(Protocol):
+    """Boxes in the plane: reference points, m, and headings, rad."""
+
+    @property
+    def box(self) -> BoundingBox: ...
+    @property
+    def x(self) -> FloatArray: ...
+    @property
+    def y(self) -> FloatArray: ...
+    @property
+    def h(self) -> FloatArray: ...
+
+
 class BoxRows(OutlineRows, Protocol):
     """Upright boxes, with the heights of their reference points, m."""
 
     @property
     def z(self) -> FloatArray: ...
+
+
+class OutlinesAt(NamedTuple):
+    """Boxes in the plane of some rows: what their distances need."""
+
+    box: BoundingBox
+    x: FloatArray
+    y: FloatArray
+    facing: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, motion: HeadedRows, rows: IntArray) -> OutlinesAt:
+        """Boxes of one size at some rows."""
+        h = motion.h[rows]
+        return cls(motion.box, motion.x[rows], motion.y[rows], (np.cos(h), np.sin(h)))
 
 
 class Sight(NamedTuple):

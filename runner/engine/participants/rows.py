@@ -23,7 +23,7 @@ _WHOLE = ("kept_lane", "direction")
 _COPIED = (*_FLOATS, *_FLAGS, *_WHOLE)
 _MOVING = (
     "speed", "acceleration", "vx", "vy", "ax", "ay", "turn", "odometer", "standstill",
-    "target_speed", "path_compensated", "activated", "route", "easing",
+    "target_speed", "path_compensated", "activated", "route", "easing", "guided", "eased",
 )  # fmt: skip
 """State that an entity keeps when it is put somewhere"""
 
@@ -113,6 +113,8 @@ class EntityRows(RunRows):
         """number of the process that owns a control domain, −1 for none, by domain"""
         self.road = np.full(n, None, object)
         self.route, self.easing = np.full(n, None, object), np.full(n, None, object)
+        self.guided, self.eased = np.zeros(n, bool), np.zeros(n, bool)
+        """where there is a route, and a way back into a lane: quickly looked at"""
         self.motion = np.full(n, None, object)
         """ways of moving that are neither along a lane nor straight ahead, as along a path"""
         self.section = np.full(n, None, object)
@@ -122,6 +124,9 @@ class EntityRows(RunRows):
         """identities of road and lane section, 0 off lanes: quickly compared"""
         self.activated = np.zeros(n, bool)
         self.layer = np.full(n, entity.layer, object)
+        self._layers: dict[Any, int] = {entity.layer: 0}
+        self.layer_number = np.zeros(n, np.int64)
+        """equal where layers are: quickly compared"""
         self.width = np.full(n, np.nan)
         """width of the kept lane (m) where it is constant; NaN elsewhere"""
         self.gliding = np.zeros(n, bool)
@@ -181,7 +186,12 @@ class EntityRows(RunRows):
             entity.section,
             entity.layer,
         )
+        self.layer_number[row] = self._layers.setdefault(entity.layer, len(self._layers))
         self.route[row], self.easing[row] = controls.route, controls.easing
+        self.guided[row], self.eased[row] = (
+            controls.route is not None,
+            controls.easing is not None,
+        )
         self.target_speed[row] = controls.target_speed
         usual = controls.motion is STRAIGHT_AHEAD or controls.motion is self._lane_motion
         self.motion[row] = None if usual else controls.motion
@@ -198,9 +208,9 @@ class EntityRows(RunRows):
 
     def on_stretch(self, s: FloatArray, aside: FloatArray) -> tuple[FloatArray, ...]:
         """x, y (m) and the heading of the road (rad) at s and t on the line or arc of each run (n,)."""
-        along = s - self.start_s
-        x = self.start_x + along * self.start_cos - aside * self.start_sin
-        y = self.start_y + along * self.start_sin + aside * self.start_cos
+        along, cos, sin = s - self.start_s, self.start_cos, self.start_sin
+        x = self.start_x + along * cos - aside * sin
+        y = self.start_y + along * sin + aside * cos
         if not self.curvature.any():
             return x, y, self.start_h
         half = 0.5 * self.curvature * along
@@ -243,15 +253,14 @@ class EntityRows(RunRows):
         """Runs in which the entity glides in the same lane and direction as in one of them, within the lane."""
         found: BoolArray = rows & self.gliding & (self.section_key == self.section_key[row])
         found &= (self.kept_lane == self.kept_lane[row]) & (self.direction == self.direction[row])
-        found &= (self.layer == self.layer[row]) & (np.abs(self.kept_offset) <= 0.5 * self.width)
+        found &= self.layer_number == self.layer_number[row]
+        found &= np.abs(self.kept_offset) <= 0.5 * self.width
         return found & self.unled & ~np.isnan(self.edge_left)
 
     @property
     def unled(self) -> BoolArray:
         """Runs in which no route and no way back into a lane leads it (n,)."""
-        nothing = np.array(None, object)
-        led = np.not_equal(self.route, nothing) | np.not_equal(self.easing, nothing)
-        return ~led.astype(bool)
+        return ~(self.guided | self.eased)
 
     def change_lane(self, row: int, rows: BoolArray) -> None:
         """Express the place in some runs, that were `alike`, in the lane that one of them keeps to now."""

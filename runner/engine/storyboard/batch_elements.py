@@ -292,7 +292,10 @@ class _Timed(RunRows):
         # one run.
         self._back = np.ceil((delay - _EPSILON) / run.dt - 1e-9).astype(np.int64)
         """steps of the delay"""
-        self._history = np.zeros((int(self._back.max(initial=0)) + 1, n), bool)
+        longest = int(self._back.max(initial=0))
+        self._same = longest if (self._back == longest).all() else None
+        """steps of the delay where it is one for all runs"""
+        self._history = np.zeros((longest + 1, n), bool)
         self._column = np.arange(n)
         self._began = np.zeros(n, np.int64)
         """step from which on evaluations count"""
@@ -326,9 +329,14 @@ class _Timed(RunRows):
         """The value of `delay` ago; false where it was not evaluated then."""
         step, history = self._run.step_index, self._history
         new = rows & ~self._armed
-        self._began[new], self._armed = step, self._armed | rows
+        if new.any():
+            self._began[new], self._armed = step, self._armed | rows
         # A ring buffer of values by step; the longest delay among the runs sets its length.
         history[step % len(history)] = value
+        if self._same is not None:
+            at = step - self._same
+            kept: BoolArray = history[at % len(history)] & (at >= self._began)
+            return kept
         then = step - self._back
         found: BoolArray = history[then % len(history), self._column] & (then >= self._began)
         return found

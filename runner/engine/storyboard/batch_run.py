@@ -18,7 +18,12 @@ import numpy as np
 
 from runner.engine.compile.batch import BatchDriver, BatchProcess, NamedValue
 from runner.engine.motion.on_roads import Roads
-from runner.engine.participants.boxes import first_touch, may_have_touched, overlap_batch
+from runner.engine.participants.boxes import (
+    first_touch,
+    first_touch_batch,
+    may_have_touched,
+    overlap_batch,
+)
 from runner.engine.participants.rows import EntityRows, LastLoaded, RunRows
 from runner.engine.storyboard.batch_elements import (
     BatchAct,
@@ -28,7 +33,7 @@ from runner.engine.storyboard.batch_elements import (
     BatchGroup,
     BatchTrigger,
 )
-from runner.engine.storyboard.collision import jumped
+from runner.engine.storyboard.collision import jumped_batch
 from runner.engine.storyboard.storyboard import Act, Event, ManeuverGroup, ordered_init
 from runner.engine.worlds.surroundings import Environment
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -463,24 +468,25 @@ class BatchSimulation(RunRows):
         # way within the step for pairs that were apart before.
         for a, b in self._pairs:
             pair = a.name, b.name
-            way = np.hypot(b.vx - a.vx, b.vy - a.vy) * self.dt
+            way = (np.abs(b.vx - a.vx) + np.abs(b.vy - a.vy)) * self.dt  # not less than it is
             reach = a.reach + b.reach + _STANDSTILL + way
             rows = np.flatnonzero(
                 (np.abs(b.x - a.x) <= reach) & (np.abs(b.y - a.y) <= reach) & self.going
             )
             before = self._overlapping.get(pair)
-            overlapping = np.zeros(self.n, bool)
+            overlapping = self._overlapping[pair] = np.zeros(self.n, bool)
+            touching = self.touching[pair] = np.zeros(self.n, bool)
+            if not rows.size:
+                continue
             since = np.full(self.n, math.inf)
-            if rows.size:
-                overlapping[rows] = overlap_batch(a, b, rows)
-                since[overlapping] = self.time
-                apart = rows[~overlapping[rows]]
-                if before is not None and apart.size:
-                    apart = apart[~before[apart]]
-                    for row in apart[may_have_touched(a, b, self.dt, apart)]:
-                        since[row] = self._touched_within(a, b, row)
-            self._overlapping[pair] = overlapping
-            touching = self.touching[pair] = since < math.inf
+            overlapping[rows] = overlap_batch(a, b, rows)
+            since[overlapping] = self.time
+            apart = rows[~overlapping[rows]]
+            if before is not None and apart.size:
+                apart = apart[~before[apart]]
+                apart = apart[may_have_touched(a, b, self.dt, apart)]
+                since[apart] = self._touched_within(a, b, apart)
+            np.less(since, math.inf, out=touching)
             if self.ego in (a, b) and touching.any():
                 other = b if a is self.ego else a
                 first = touching & (self.first_contact == math.inf) & self.going
@@ -491,13 +497,14 @@ class BatchSimulation(RunRows):
                     last = self.step_index + self.steps_after_contact
                     self._last[first] = np.minimum(self._last[first], last)
 
-    def _touched_within(self, a: EntityRows, b: EntityRows, row: int) -> float:
-        """Time (s) of a contact of one run that began and ended within the last step; infinite for none."""
-        one, other = a.load(row), b.load(row)
-        if jumped(one, self.dt) or jumped(other, self.dt):
-            return math.inf
-        share = first_touch(one, other, self.dt)
-        return math.inf if share is None else self.time - (1.0 - share) * self.dt
+    def _touched_within(self, a: EntityRows, b: EntityRows, rows: IntArray) -> FloatArray:
+        """Times (s) of contacts in some runs (k,) that began and ended within the last step; infinite for none."""
+        share = first_touch_batch(a, b, self.dt, rows)
+        for place in np.flatnonzero(np.isnan(share)):
+            found = first_touch(a.load(rows[place]), b.load(rows[place]), self.dt)
+            share[place] = math.inf if found is None else found
+        jump = jumped_batch(a, self.dt, rows) | jumped_batch(b, self.dt, rows)
+        return np.where(jump, math.inf, self.time - (1.0 - share) * self.dt)
 
     def contact(self, one: str, other: str) -> BoolArray:
         """Runs in which two entities touch now (n,)."""
@@ -558,7 +565,7 @@ class BatchSimulation(RunRows):
 
 def move(roads: Roads, e: EntityRows, speed: FloatArray, dt: float, going: BoolArray) -> None:
     """Move an entity in the runs (n,) that are `going` at speeds (n,) for a step, dt (s)."""
-    x, y, h, waiting = e.x, e.y, e.h.copy(), e.at_road_end.copy()
+    x, y, h, waiting = e.x, e.y, e.h, e.at_road_end.copy()
     speed = roads.advance_batch(e, speed, dt, going)
     if e.at_road_end.any():
         ended = e.at_road_end & ~(waiting & (speed != 0.0))
@@ -571,5 +578,7 @@ def move(roads: Roads, e: EntityRows, speed: FloatArray, dt: float, going: BoolA
     e.vx, e.vy, e.turn = vx, vy, e.h - h
     e.acceleration = (speed - e.speed) / dt
     e.speed = speed
-    e.odometer = e.odometer + np.abs(speed) * dt
-    e.standstill = np.where(np.abs(speed) < _STANDSTILL, e.standstill + dt, 0.0)
+    way = np.abs(speed)
+    still = way < _STANDSTILL
+    e.odometer = e.odometer + way * dt
+    e.standstill = (e.standstill + dt) * still

@@ -13,11 +13,15 @@ from itertools import combinations
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.engine.participants.boxes import first_touch, overlap
 from runner.engine.participants.entity import FEW, JUMP, Entity, Separation
 
 if TYPE_CHECKING:
     from runner.engine.compile.run import Run
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, IntArray
 
 _by_x = attrgetter("x")
 _by_name = attrgetter("name")
@@ -184,6 +188,15 @@ def jumped(entity: Entity, dt: float) -> bool:
     """Whether an entity was put elsewhere in this step: it has moved further than its speed allows."""
     fastest = max(abs(entity.speed), abs(entity.speed - entity.acceleration * dt))
     return math.hypot(entity.vx, entity.vy) * dt > fastest * dt + JUMP
+
+
+def jumped_batch(rows: EntityRows, dt: float, chosen: IntArray) -> BoolArray:
+    """`jumped` in some of many runs (k,)."""
+    speed = rows.speed[chosen]
+    fastest = np.maximum(np.abs(speed), np.abs(speed - rows.acceleration[chosen] * dt))
+    way = np.hypot(rows.vx[chosen], rows.vy[chosen]) * dt
+    found: BoolArray = way > fastest * dt + JUMP
+    return found
 
 
 def _counts(a: Entity, b: Entity) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from runner.engine.conditions.by_value import SimulationTimeCondition
 from runner.engine.participants.boxes import Spot
+from runner.engine.participants.rows import RunRows
 from runner.judging.evidence.continuity import displaced_boxes, next_contact
 from runner.judging.evidence.progress import scene_events, without_effect
 from runner.judging.evidence.rows import causes_of
@@ -38,8 +39,10 @@ _TOLERANCE = 1.01
 _SUSTAINED = 0.5
 _SHORTEST = 0.1
 """As in `continuity` and `rows`"""
-_MEASURED = 256
+_MEASURED = 64
 """Runs that are measured at once: arrays of them fit into caches"""
+_SEGMENT = 64
+"""Steps whose instants are kept in one array"""
 OPEN = "open"
 """Outcome of a run that the interpreter has to play"""
 _FRAME = ("x", "y", "z", "h", "speed", "s", "t")
@@ -55,8 +58,8 @@ class BatchOutcomes:
         end_time: s.
         contact: time (s) of the ego's first contact; infinite without one.
         partner: name of the participant touched; empty without one.
-        motions: of each participant by name: x, y, z, h, speed, s, t (7, steps, n), as far as they
-            are known, and the key of the road at each instant (steps, n); the ego's first.
+        names: of all participants, the ego's first.
+        segments: instants of all runs, a stretch of time after the other.
         roads: ids of roads by key.
         steps: number of instants of each run.
     """
@@ -66,7 +69,8 @@ class BatchOutcomes:
     end_time: FloatArray
     contact: FloatArray
     partner: Any
-    motions: dict[str, tuple[FloatArray, Any]] = field(repr=False)
+    names: tuple[str, ...]
+    segments: list[Segment] = field(repr=False)
     steps: IntArray
     declared: dict[str, Any] = field(repr=False)
     roads: dict[int, str] = field(repr=False)
@@ -75,11 +79,12 @@ class BatchOutcomes:
 
     def motion(self, name: str, run: int, instants: slice = slice(None)) -> MotionRows:
         """Motion of a participant in a run, at all or some of its instants."""
-        rows = np.arange(int(self.steps[run]))[instants]
-        values, roads = self.motions[name]
-        columns = dict(zip(_FRAME, values[:, rows, run], strict=True))
+        count = int(self.steps[run])
+        rows = np.arange(count)[instants]
+        values, roads = self._kept(name, run, run + 1, count)
+        columns = dict(zip(_FRAME, values[:, 0, rows], strict=True))
         time = np.round(rows * self.dt, 9)
-        keys, inverse = np.unique(roads[rows, run], return_inverse=True)
+        keys, inverse = np.unique(roads[0, rows], return_inverse=True)
         road = np.array([*map(self.roads.get, keys.tolist()), None], object)[inverse]
         hint = None
         for row in np.flatnonzero(keys[inverse] == 0) if self.network is not None else ():
@@ -100,21 +105,39 @@ class BatchOutcomes:
         codes = {road: code for code, road in enumerate(dict.fromkeys(self.roads.values()))}
         parts = []
         for first in range(0, len(sizes), _MEASURED):
-            chosen = slice(first, first + _MEASURED)
-            ego, *others = (self._rows(name, chosen, sizes[chosen], codes) for name in self.motions)
-            parts.append(measure_runs(ego, others, sizes[chosen], parameters, window, self.dt))
+            last = min(first + _MEASURED, len(sizes))
+            some = sizes[first:last]
+            ego, *others = (self._rows(name, first, last, some, codes) for name in self.names)
+            parts.append(measure_runs(ego, others, some, parameters, window, self.dt))
         return RunMeasures.joined(parts)
 
+    def _kept(self, name: str, first: int, last: int, steps: int) -> tuple[FloatArray, IntArray]:
+        """Values (7, k, steps) and keys of roads (k, steps) of a participant in the runs of a range, as far as it lasts."""
+        number = self.names.index(name)
+        shape = last - first, steps
+        values, roads = np.zeros((len(_FRAME), *shape)), np.zeros(shape, np.int64)
+        for part in self.segments:
+            low, high = np.searchsorted(part.at, [first, last])
+            until = min(part.first + part.count, steps)
+            if low == high or until <= part.first:
+                continue
+            rows: Any = part.at[low:high] - first
+            if high - low == last - first:
+                rows = slice(None)
+            there, kept = slice(part.first, until), slice(until - part.first)
+            values[:, rows, there] = part.values[number][:, kept, low:high].transpose(0, 2, 1)
+            roads[rows, there] = part.roads[number][kept, low:high].T
+        return values, roads
+
     def _rows(
-        self, name: str, chosen: slice, sizes: IntArray, codes: Mapping[str, int]
+        self, name: str, first: int, last: int, sizes: IntArray, codes: Mapping[str, int]
     ) -> MotionRows:
-        """Rows of a participant in some runs, one after the other, with codes of roads for their ids."""
-        values, roads = self.motions[name]
+        """Rows of a participant in the runs of a range, one after the other, with codes of roads for their ids."""
         steps = np.arange(int(sizes.max()))
+        values, roads = self._kept(name, first, last, len(steps))
         there = steps < sizes[:, None]
-        parts = values[:, : len(steps), chosen]
-        columns = {name: part.T[there] for name, part in zip(_FRAME, parts, strict=True)}
-        keys, inverse = np.unique(roads[: len(steps), chosen].T[there], return_inverse=True)
+        columns = {name: part[there] for name, part in zip(_FRAME, values, strict=True)}
+        keys, inverse = np.unique(roads[there], return_inverse=True)
         known = [codes.get(self.roads.get(key, ""), -1) for key in keys.tolist()]
         road: Any = np.array(known)[inverse]
         number, hint = np.broadcast_to(steps, there.shape)[there], None
@@ -128,8 +151,62 @@ class BatchOutcomes:
 
     def criticality(self, run: int) -> Criticality:
         """Measures of a run."""
-        ego, *others = (self.motion(name, run) for name in self.motions)
+        ego, *others = (self.motion(name, run) for name in self.names)
         return criticality(ego, others)
+
+
+@dataclass(eq=False)
+class Segment:
+    """Instants of the same runs, at most `_SEGMENT` of them.
+
+    Args:
+        first: step of the first one.
+        at: numbers of the runs, ascending (k,).
+        participants: number of them.
+
+    Attributes:
+        count: instants that it has.
+        values: of each participant: x, y, z, h, speed, s, t (7, `_SEGMENT`, k).
+        roads: keys of roads of each participant (`_SEGMENT`, k).
+    """
+
+    first: int
+    at: IntArray
+    participants: int
+    count: int = 0
+    values: list[FloatArray] = field(init=False)
+    roads: list[IntArray] = field(init=False)
+
+    def __post_init__(self) -> None:
+        shape = _SEGMENT, len(self.at)
+        everyone = range(self.participants)
+        self.values = [np.empty((len(_FRAME), *shape)) for _ in everyone]
+        self.roads = [np.empty(shape, np.int64) for _ in everyone]
+
+    def put(self, number: int, rows: EntityRows, step: int, some: Any = slice(None)) -> None:
+        """Keep where a participant is at an instant, in all or some of the runs."""
+        place = step - self.first
+        for values, name in zip(self.values[number], _FRAME, strict=True):
+            values[place, some] = getattr(rows, name)[some]
+        self.roads[number][place, some] = rows.road_key[some]
+
+
+class _Seen(RunRows):
+    """Facts that evidence is counted from, in the runs that are left (n,).
+
+    Attributes:
+        moved: where the ego has moved.
+        beyond: where someone was faster than its Performance allows.
+        doubt: where the interpreter has to judge.
+        speed: of the ego at the last instant, without a sign, m/s.
+        faster, slower: steps up to now in which the ego's acceleration, its deceleration, was
+            beyond its Performance.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.moved, self.beyond, self.doubt = (np.zeros(n, bool) for _ in range(3))
+        self.speed = np.zeros(n)
+        self.faster, self.slower = np.zeros(n, np.int64), np.zeros(n, np.int64)
 
 
 class BatchJudge:
@@ -150,16 +227,14 @@ class BatchJudge:
         n = len(sets)
         board: Any = scenario
         self._events = scene_events(board)
-        self._frames: list[tuple[IntArray, list[tuple[FloatArray, IntArray]]]] = []
+        self._segments: list[Segment] = []
         self._outcome = np.full(n, OPEN, object)
         self._status = np.full(n, "", object)
         self._steps, self._contact = np.zeros(n, np.int64), np.full(n, math.inf)
         self._partner = np.full(n, "", object)
         self._static = self._static_cause()
-        self._counts = np.zeros((2, n), np.int64)
-        self._beyond, self._moved = np.zeros(n, bool), np.zeros(n, bool)
-        self._doubt = np.zeros(n, bool)
-        self._speed = np.zeros(n)
+        self._seen = _Seen(n)
+        """of the runs that are left"""
 
     def _static_cause(self) -> bool:
         """Whether each run is inconclusive by the files alone."""
@@ -174,95 +249,113 @@ class BatchJudge:
 
     def step(self, run: BatchSimulation) -> None:
         """Keep an instant, and look at what evidence is counted from."""
-        at, ego = self._at(run), run.ego
-        others = [entity for entity in run.entities.values() if entity is not ego]
-        self._frames.append((at, [_frame(entity) for entity in (ego, *others)]))
-        self._moved[at] |= ego.speed != 0.0
+        ego, *others = _everyone(run)
+        part = self._segments[-1] if self._segments else None
+        if part is None or part.count == _SEGMENT or len(part.at) != run.n:
+            part = Segment(run.step_index, self._at(run), 1 + len(others))
+            self._segments.append(part)
+        for number, entity in enumerate((ego, *others)):
+            part.put(number, entity, run.step_index)
+        part.count += 1
+        self._look(run, others)
+
+    def _look(self, run: BatchSimulation, others: list[EntityRows]) -> None:
+        """Look at what evidence is counted from."""
+        ego, seen = run.ego, self._seen
         limits = ego.declared.performance
-        for entity in (ego, *others):
-            fast = np.abs(entity.speed) > _TOLERANCE * entity.declared.performance.max_speed
-            self._beyond[at] |= fast & run.going
         speed = np.abs(ego.speed)
+        if not run.step_index:
+            run.own(seen)
+        seen.moved |= speed > 0.0
+        for entity in (ego, *others):
+            most = _TOLERANCE * entity.declared.performance.max_speed
+            fast = (speed if entity is ego else np.abs(entity.speed)) > most
+            if fast.any():
+                seen.beyond |= fast & run.going
         if run.step_index:
-            change = (speed - self._speed[at]) / run.dt
+            change = (speed - seen.speed) / run.dt
             steps = round(_SUSTAINED / run.dt)
-            for side, (rate, limit) in enumerate(
-                ((change, limits.max_acceleration), (-change, limits.max_deceleration))
-            ):
-                over = rate > _TOLERANCE * limit - 1e-9
-                self._counts[side, at] = np.where(over, self._counts[side, at] + 1, 0)
-                self._doubt[at] |= (self._counts[side, at] >= steps) & run.going & (steps > 0)
-        self._speed[at] = speed
+            over = (
+                change > _TOLERANCE * limits.max_acceleration - 1e-9,
+                -change > _TOLERANCE * limits.max_deceleration - 1e-9,
+            )
+            for count, side in zip((seen.faster, seen.slower), over, strict=True):
+                count += side
+                count *= side
+                long = count >= steps
+                if steps > 0 and long.any():
+                    seen.doubt |= long & run.going
+        seen.speed = speed
         on = ego.on_lane & (ego.edge_right <= ego.t) & (ego.t <= ego.edge_left)
         off = run.going & ~on
-        for row in np.flatnonzero(off & ~self._doubt[at]):
-            off[row] = run.roads.is_off_road(ego.load(row))
-        self._doubt[at] |= off | (run.going & ego.at_road_end)
+        if off.any():
+            for row in np.flatnonzero(off & ~seen.doubt):
+                off[row] = run.roads.is_off_road(ego.load(row))
+            seen.doubt |= off
+        seen.doubt |= run.going & ego.at_road_end
 
     def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
         """Show entities where actions have put them at the last instant."""
-        everyone = [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
-        _, frames = self._frames[-1]
-        for entity, (values, roads) in zip(everyone, frames, strict=True):
+        for number, entity in enumerate(_everyone(run)):
             if entity.name in put:
-                rows = put[entity.name]
-                now, there = _frame(entity)
-                values[:, rows], roads[rows] = now[:, rows], there[rows]
+                self._segments[-1].put(number, entity, run.step_index, put[entity.name])
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""
-        at, rows = self._at(run), np.flatnonzero(ended)
-        started = np.zeros(run.n, bool)
-        every = np.ones(run.n, bool)
+        rows, seen = np.flatnonzero(ended), self._seen
+        at = self._segments[-1].at[rows]
+        contact, finished = run.first_contact[rows], run.finished[rows]
+        failed = contact < math.inf
+        self._steps[at], self._contact[at] = run.step_index + 1, contact
+        names = np.array([*run.entities, ""], object)
+        self._partner[at] = names[np.where(failed, run.partner[rows], -1)]
+        ends_early = failed & (run.steps_after_contact is not None)
+        self._status[at] = np.where(
+            finished, "completed", np.where(ends_early, "collision", "timeout")
+        )
+        started, every = np.zeros(len(rows), bool), np.ones(len(rows), bool)
         for event in run.events:
             if event.event in self._events:
-                started |= event.started
-                every &= event.started
+                started |= event.started[rows]
+                every &= event.started[rows]
+        lacking = np.full(len(rows), self._static)
+        doubt = seen.doubt[rows] | run.doubtful[rows] | seen.beyond[rows]
+        out_of_time = self._are_out_of_time(run, rows, finished) & ~(finished & every)
+        if self._events:
+            lacking |= ~started
+            doubt |= started & out_of_time
+        else:
+            doubt |= out_of_time
+        if run.time < _SHORTEST or run.step_index == 0:
+            doubt[:] = True
         driver: Any = run.driver
-        names = list(run.entities)
-        for row in rows:
-            number = at[row]
-            finished = bool(run.finished[row])
-            contact = float(run.first_contact[row])
-            self._steps[number] = run.step_index + 1
-            self._contact[number] = contact
-            if contact < math.inf:
-                self._partner[number] = names[run.partner[row]]
-            ends_early = run.steps_after_contact is not None and contact < math.inf
-            self._status[number] = (
-                "completed" if finished else "collision" if ends_early else "timeout"
-            )
-            if contact < math.inf:
-                self._outcome[number] = FAILED
-                continue
-            doubt = self._doubt[number] or run.doubtful[row] or self._beyond[number]
-            if self._events and not started[row]:
-                pass
-            elif self._is_out_of_time(run, row, finished):
-                doubt = doubt or not (finished and every[row])
-            doubt = doubt or run.time < _SHORTEST or run.step_index == 0
-            if driver is not None:
-                doubt = doubt or driver.commanded[row] * run.dt < _SHORTEST
-            scripted = not self._system or scripted_at_start(self._scenario, run.ego.entity)
-            if doubt:
-                continue
-            lacking = self._static or (bool(self._events) and not started[row])
-            lacking = lacking or not (scripted or self._moved[number])
-            lacking = lacking or self._open_end(run, row)
-            self._outcome[number] = INCONCLUSIVE if lacking else PASSED
+        if driver is not None:
+            doubt |= driver.commanded[rows] * run.dt < _SHORTEST
+        if self._system and not scripted_at_start(self._scenario, run.ego.entity):
+            lacking |= ~seen.moved[rows]
+        if self._reserve > 0.0:
+            for place in np.flatnonzero(~(failed | doubt | lacking)):
+                lacking[place] = self._open_end(run, rows[place])
+        outcome = np.where(doubt, OPEN, np.where(lacking, INCONCLUSIVE, PASSED))
+        self._outcome[at] = np.where(failed, FAILED, outcome)
 
-    def _is_out_of_time(self, run: BatchSimulation, row: Any, finished: bool) -> bool:
-        """Whether a limit of time ended a run, as `progress.out_of_time` says."""
+    def _are_out_of_time(
+        self, run: BatchSimulation, rows: IntArray, finished: BoolArray
+    ) -> BoolArray:
+        """Whether a limit of time ended runs (k,), as `progress.out_of_time` says."""
         trigger = self._scenario.storyboard.stop_trigger
-        if not finished or trigger is None:
-            return True
-        group = trigger.groups[int(run.fired[row])]
-        return all(isinstance(timed.condition, SimulationTimeCondition) for timed in group)
+        if trigger is None:
+            return np.ones(len(rows), bool)
+        by_time = np.array(
+            [
+                all(isinstance(timed.condition, SimulationTimeCondition) for timed in group)
+                for group in trigger.groups
+            ]
+        )
+        return ~finished | by_time[run.fired[rows]]
 
     def _open_end(self, run: BatchSimulation, row: Any) -> bool:
         """Whether a run ended so shortly before a contact of the ego that no brake avoids it."""
-        if self._reserve <= 0.0:
-            return False
         own = _spot(run.ego, row)
         found = [
             next_contact(own, _spot(entity, row), entity.name)
@@ -273,23 +366,15 @@ class BatchJudge:
 
     def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
         """Outcomes of the runs, once all are over."""
-        n, steps = len(self._sets), len(self._frames)
-        everyone = [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
-        motions = {
-            entity.name: (np.zeros((len(_FRAME), steps, n)), np.zeros((steps, n), np.int64))
-            for entity in everyone
-        }
-        for step, (at, frames) in enumerate(self._frames):
-            for entity, (values, roads) in zip(everyone, frames, strict=True):
-                motions[entity.name][0][:, step, at] = values
-                motions[entity.name][1][step, at] = roads
+        everyone = _everyone(run)
         return BatchOutcomes(
             self._outcome,
             self._status,
             np.round(np.maximum(self._steps - 1, 0) * run.dt, 9),
             self._contact,
             self._partner,
-            motions,
+            tuple(entity.name for entity in everyone),
+            self._segments,
             self._steps,
             {entity.name: entity.declared for entity in everyone},
             _road_names(run),
@@ -298,8 +383,9 @@ class BatchJudge:
         )
 
 
-def _frame(rows: EntityRows) -> tuple[FloatArray, IntArray]:
-    return np.array([getattr(rows, name) for name in _FRAME]), rows.road_key.copy()
+def _everyone(run: BatchSimulation) -> list[EntityRows]:
+    """All participants, the ego first."""
+    return [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
 
 
 def _road_names(run: BatchSimulation) -> dict[int, str]:

@@ -19,11 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from runner.engine.participants.boxes import box_corners
 from runner.engine.participants.outlines import boxes_overlap
 from runner.judging.measures.measure import GREATEST_DECELERATION, LONGEST_PET, Extreme
-from runner.judging.measures.relations import MotionRows, blocks, joined, relations
+from runner.judging.measures.relations import MotionRows, View, blocks, joined, relations
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _STEP = 0.05
@@ -189,15 +190,12 @@ def sentence(ego: str, other: str, side: str, striking: bool) -> str:
     return f"{other} hit {ego} {'in the' if side in (FRONT, REAR) else 'on its'} {where}"
 
 
-class _View(NamedTuple):
-    """`runner.judging.measures.relations.View` at one instant."""
+class Manner(NamedTuple):
+    """Manner of contacts, as of `Impact`: arrays (m,)."""
 
-    ahead: float
-    aside: float
-    speed: float
-    sideways: float
-    other_speed: float
-    other_sideways: float
+    speed: FloatArray
+    side: NDArray[np.str_]
+    striking: BoolArray
 
 
 def first_impact(ego: MotionRows, others: Sequence[MotionRows]) -> Impact | None:
@@ -213,20 +211,35 @@ def _with(ego: MotionRows, other: MotionRows) -> Impact | None:
         return None
     first = int(touching[0])
     now, before = (
-        _View(*(float(values[row]) for values in view)) for row in (first, max(first - 1, 0))
+        View(*(values[row : row + 1] for values in view)) for row in (first, max(first - 1, 0))
     )
-    side = _side(
-        before, _bearing(ego.at(rows[first : first + 1]), other, float(ego.time[rows[first]]))
-    )
-    own, its = (
-        (now.speed, now.other_speed)
-        if side in (FRONT, REAR)
-        else (now.sideways, now.other_sideways)
-    )
-    way = 1.0 if side in (FRONT, LEFT) else -1.0
-    speed = float(np.hypot(now.speed - now.other_speed, now.sideways - now.other_sideways))
-    striking, point = bool(way * own > -way * its), _point(ego, other, float(ego.time[rows[first]]))
-    return Impact(float(ego.time[rows[first]]), other.name, speed, side, striking, point)
+    time = float(ego.time[rows[first]])
+    its_row = int(np.argmin(np.abs(other.time - time)))
+    how = manner(ego.at(rows[first : first + 1]), other.at(np.array([its_row])), now, before)
+    speed, side, striking = float(how.speed[0]), str(how.side[0]), bool(how.striking[0])
+    return Impact(time, other.name, speed, side, striking, _point(ego, other, time))
+
+
+def manner(ego: MotionRows, other: MotionRows, now: View, before: View) -> Manner:
+    """Manner of first contacts.
+
+    Args:
+        ego, other: both at the first instant of each contact (m,).
+        now, before: the other one as the ego sees it then, and a step before.
+    """
+    ahead, aside = _bearing(ego, other)
+    along = _closing_time(before.ahead, before.speed - before.other_speed)
+    across = _closing_time(before.aside, before.sideways - before.other_sideways)
+    # the side of the gap which closes last; where no gap was left, the other's centre decides
+    lengthwise = np.where(along != across, along > across, np.abs(ahead) >= np.abs(aside))
+    is_front = np.where(before.ahead != 0.0, before.ahead, ahead) > 0.0
+    is_left = np.where(before.aside != 0.0, before.aside, aside) > 0.0
+    side = np.where(lengthwise, np.where(is_front, FRONT, REAR), np.where(is_left, LEFT, RIGHT))
+    own = np.where(lengthwise, now.speed, now.sideways)
+    its = np.where(lengthwise, now.other_speed, now.other_sideways)
+    way = np.where(np.where(lengthwise, is_front, is_left), 1.0, -1.0)
+    speed = np.hypot(now.speed - now.other_speed, now.sideways - now.other_sideways)
+    return Manner(speed, side, way * own > -way * its)
 
 
 def _point(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
@@ -247,37 +260,20 @@ def _outline(motion: MotionRows, row: int) -> shapely.Polygon:
     )
 
 
-def _side(before: _View, bearing: tuple[float, float]) -> str:
-    """The side that is touched next: that of the gap which closes last.
-
-    Args:
-        before: a step before the contact.
-        bearing: the other's centre ahead and to the left, in half lengths and widths of the two:
-            decides where no gap was left.
-    """
-    along = _closing_time(before.ahead, before.speed - before.other_speed)
-    across = _closing_time(before.aside, before.sideways - before.other_sideways)
-    lengthwise = along > across if along != across else abs(bearing[0]) >= abs(bearing[1])
-    if lengthwise:
-        return FRONT if (before.ahead or bearing[0]) > 0.0 else REAR
-    return LEFT if (before.aside or bearing[1]) > 0.0 else RIGHT
+def _closing_time(gap: FloatArray, closing: FloatArray) -> FloatArray:
+    """Times (s) in which signed gaps close, 0 where there is none; infinite where one does not close."""
+    closes = (np.abs(closing) > _STILL) & (gap * closing > 0.0)
+    endless = np.where(gap == 0.0, 0.0, np.inf)
+    return np.divide(gap, closing, out=endless, where=closes)
 
 
-def _closing_time(gap: float, closing: float) -> float:
-    """Time (s) in which a signed gap closes, 0 where there is none; infinite where it does not close."""
-    if gap == 0.0:
-        return 0.0
-    return gap / closing if abs(closing) > _STILL and gap * closing > 0.0 else np.inf
-
-
-def _bearing(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
-    """The other's centre at an instant as the ego sees it, ahead and to the left, in half lengths and widths of both."""
-    row = int(np.argmin(np.abs(other.time - time)))
-    c, s = float(np.cos(ego.h[0])), float(np.sin(ego.h[0]))
-    dx, dy = float(other.x[row] - ego.x[0]), float(other.y[row] - ego.y[0])
+def _bearing(ego: MotionRows, other: MotionRows) -> tuple[FloatArray, FloatArray]:
+    """The other's centre as the ego sees it, ahead and to the left, in half lengths and widths of both, row by row."""
+    c, s = ego.facing
+    dx, dy = other.x - ego.x, other.y - ego.y
     ahead, aside = dx * c + dy * s, dy * c - dx * s
     length, width = ego.box.length + other.box.length, ego.box.width + other.box.width
-    return 2.0 * ahead / max(length, _TOUCHING), 2.0 * aside / max(width, _TOUCHING)
+    return 2.0 * ahead / np.maximum(length, _TOUCHING), 2.0 * aside / np.maximum(width, _TOUCHING)
 
 
 FULL = 8.0

@@ -99,8 +99,10 @@ class _Seen(NamedTuple):
     @classmethod
     def of(cls, some: BatchParticipants, at: tuple[IntArray, ...]) -> _Seen:
         """Participants at places of arrays."""
-        values = some.x, some.y, some.z, some.speed, some.vx, some.vy, *some.facing
-        return cls(_boxes(some.box, at), *(column[at] for column in values))
+        x, y, z, h, speed, vx, vy = (
+            column[at] for column in (some.x, some.y, some.z, some.h, some.speed, some.vx, some.vy)
+        )
+        return cls(_boxes(some.box, at), x, y, z, speed, vx, vy, np.cos(h), np.sin(h))
 
     def at(self, rows: IntArray) -> _Seen:
         """Some of them."""
