@@ -12,7 +12,7 @@ import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,15 +42,16 @@ REPORT = "report.html"
 """A batch's page, in its output folder"""
 TO_REPORT = f"../{REPORT}"
 """The address of a batch's page, from the pages of its runs"""
-_STYLES = ("base.css", "play/colours.css", "play/replay.css")
+STYLES = ("base.css", "play/colours.css", "play/replay.css")
 _FLAT = ("data", "drawing", "pair", "view", "charts", "timeline", "account", "controls")
 _SOLID = ("gl", "ground", "bodies", "space")
-_SCRIPTS = (
+SCRIPTS = (
     "dom.js",
     *(f"play/{part}.js" for part in _FLAT),
     *(f"solid/{part}.js" for part in _SOLID),
     "play/player.js",
 )
+"""Files of pages that play runs, beside `runner.view.page`"""
 _GROUP = 7
 """Bits of a number in each byte; the eighth says that more follow."""
 
@@ -107,31 +108,62 @@ _GREATEST = 1000.0
 """Values of curves beyond this are cut off there"""
 
 
+class Surroundings(NamedTuple):
+    """Rectangle whose roads a scene draws (m), and the origin from which its positions are counted (m)."""
+
+    area: Area
+    origin: tuple[int, int]
+
+    @classmethod
+    def of(cls, results: Sequence[RunResult]) -> Surroundings:
+        """Surroundings of the paths of all participants."""
+        area = union(extent(result.recording.tracks.values()) for result in results)
+        origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
+        return cls(area.wider(_SURROUNDINGS), origin)
+
+    def hold(self, results: Sequence[RunResult]) -> bool:
+        """Whether the paths of all participants lie within, with half of the margin."""
+        area = union(extent(result.recording.tracks.values()) for result in results)
+        west, south, east, north = area.wider(_SURROUNDINGS / 2)
+        own = self.area
+        return (
+            own.west <= west and own.south <= south and own.east >= east and own.north >= north
+        )
+
+
 def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     """One run, or two to be compared: roads that both are on are there once."""
-    area = union(extent(result.recording.tracks.values()) for result in results)
-    origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
-    networks = {
+    around = Surroundings.of(results)
+    return {
+        "steps": steps(),
+        "roads": roads_of(results, around),
+        "runs": runs_of_scene(results, around),
+    }
+
+
+def roads_of(results: Sequence[RunResult], around: Surroundings) -> list[dict[str, Any]]:
+    """The roads of runs within their surroundings, each once."""
+    return [road_of(network, around.area, around.origin) for network in _networks(results)]
+
+
+def runs_of_scene(results: Sequence[RunResult], around: Surroundings) -> list[dict[str, Any]]:
+    """Runs counted from an origin; `road` is the index of a run's among `roads_of`, or None."""
+    places = {network.path: index for index, network in enumerate(_networks(results))}
+    found = []
+    for result in results:
+        network = result.recording.network
+        road = None if network is None else places[network.path]
+        found.append(_run(result, around.origin) | {"road": road})
+    return found
+
+
+def _networks(results: Sequence[RunResult]) -> list[RoadNetwork]:
+    by_path = {
         network.path: network
         for result in results
         if (network := result.recording.network) is not None
     }
-    places = {path: index for index, path in enumerate(networks)}
-    return {
-        "steps": steps(),
-        "roads": [
-            road_of(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()
-        ],
-        "runs": [
-            _run(result, origin)
-            | {
-                "road": places[network.path]
-                if (network := result.recording.network) is not None
-                else None
-            }
-            for result in results
-        ],
-    }
+    return list(by_path.values())
 
 
 def steps() -> dict[str, float]:
@@ -406,7 +438,7 @@ def replay_page(results: Sequence[RunResult], report: str | None = None) -> str:
             there is none.
     """
     title = " and ".join(result.name for result in results)
-    return page(f"{title} – replay", _STYLES, _SCRIPTS, {**scene(results), "report": report})
+    return page(f"{title} – replay", STYLES, SCRIPTS, {**scene(results), "report": report})
 
 
 def keep_replay(result: RunResult, out: Path | None) -> None:

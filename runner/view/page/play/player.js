@@ -1,14 +1,10 @@
-// The page: clock, layout, keyboard.
+// The page: clock, layout, keyboard. The runs that it shows may be replaced by others.
 
 const data = JSON.parse(document.getElementById("data").textContent);
-const roads = data.roads.map(road => unpackRoad(road, data.steps));
-const runs = data.runs.map(run => unpackRun(run, data));
-for (const run of runs) {
-  run.collisions = run.rows
-    .filter(([level]) => level === "collision")
-    .flatMap(([, , subject, bars]) => bars.map(([from, to]) => ({ from, to: to ?? run.end, who: subject.split(" – ") })));
-}
-const end = Math.max(...runs.map(run => run.end), 0.01);
+let roadData = [], // as they come
+  roads = [],
+  runs = [],
+  end = 0.01;
 const TABLES = 0.1; // s between updates of tables while playing
 const ADDRESS = 1; // s between updates of the address
 
@@ -31,14 +27,16 @@ function play(on) {
 
 // elements ------------------------------------------------------------------------------------
 
-const views = runs.map((run, i) => new View(run, run.road === null ? null : roads[run.road], i, changed));
-const timelines = runs.map((run, i) => new Timeline(run, i, end, seek));
-const logs = runs.map((run, i) => new Log(run, i, seek));
-const tables = runs.map((run, i) => new Participants(run, i, changed));
-const plots = charts(runs, end, seek);
-
-const found = moments(runs);
-const track = slider(end, found, seek);
+let views = [],
+  timelines = [],
+  logs = [],
+  tables = [],
+  plots = [],
+  found = [],
+  hasEgo = false,
+  hasPair = false;
+let track = slider(end, found, seek);
+let whom = el("select", { "aria-label": "Follow" });
 const playButton = button("Play", () => play(!clock.playing), { class: "play" }, "Play");
 const clockText = el("output", { id: "clock", "aria-live": "off" });
 const rate = choice(
@@ -49,19 +47,22 @@ const rate = choice(
     clock.rate = Number(value);
   },
 );
-const names = [...new Set(runs.flatMap(run => run.tracks.map(each => each.name)))].filter(name =>
-  runs.some(run => run.ego !== name),
-);
-const hasEgo = runs.some(run => run.ego !== null && run.tracks.some(each => each.name === run.ego));
-const hasPair = runs.some(run => run.partners.some(([, name]) => name));
-const FOLLOWED = [
-  ...(hasPair ? [["both", "ego and nearest"]] : []),
-  ...(hasEgo ? [["ego", "the ego"]] : []),
-  ["all", "everybody"],
-  ["none", "nobody"],
-  ...names.map(name => [`=${name}`, name]),
-];
-const whom = choice("Follow", FOLLOWED, "", value => choose(value));
+
+/** The choice of what is followed, for the runs that are shown. */
+function followChoice() {
+  const names = [...new Set(runs.flatMap(run => run.tracks.map(each => each.name)))].filter(name =>
+    runs.some(run => run.ego !== name),
+  );
+  const followed = [
+    ...(hasPair ? [["both", "ego and nearest"]] : []),
+    ...(hasEgo ? [["ego", "the ego"]] : []),
+    ["all", "everybody"],
+    ["none", "nobody"],
+    ...names.map(name => [`=${name}`, name]),
+  ];
+  return choice("Follow", followed, "", value => choose(value));
+}
+
 const labels = el("input", {
   type: "checkbox",
   checked: true,
@@ -91,7 +92,7 @@ const fullButton = button("Fill the screen", fill, { hidden: !document.fullscree
 function solid(on) {
   if (on)
     for (const view of views) {
-      view.space ??= Space.of(view, view.run.road === null ? null : data.roads[view.run.road], data.steps);
+      view.space ??= Space.of(view, view.run.road === null ? null : roadData[view.run.road], data.steps);
       if (!view.space) {
         solidNote.textContent = "3-D needs WebGL 2, which this browser does not have or has switched off.";
         return;
@@ -103,18 +104,23 @@ function solid(on) {
   solidNote.textContent = "";
   solidButton.setAttribute("aria-pressed", String(on));
   solidChoices.hidden = !on;
-  document.getElementById("page").classList.toggle("solid", on);
+  main.classList.toggle("solid", on);
   for (const view of views)
     view.canvas.setAttribute("aria-label", `${view.run.name} ${on ? "in three dimensions; drag to turn" : ABOVE}`);
   changed();
 }
 
-const lost = () => {
-  solid(false);
+/** Drop what was drawn in three dimensions. */
+function flatten() {
   for (const view of views) {
     if (view.space) view.space.canvas.remove();
     view.space = null;
   }
+}
+
+const lost = () => {
+  solid(false);
+  flatten();
   solidNote.textContent = "The graphics card has dropped the picture; press 3-D to draw it again.";
 };
 
@@ -126,7 +132,6 @@ function useCamera(kind) {
 }
 
 function fill() {
-  const watch = document.querySelector(".watch");
   if (document.fullscreenElement) document.exitFullscreen();
   else
     watch.requestFullscreen().catch(() => (solidNote.textContent = "The browser does not let this page fill the screen."));
@@ -221,12 +226,13 @@ const each = (title, parts) =>
       part.node,
     ]),
   );
-const chartPanel = section(
-  "Ego and criticality",
-  plots.length
-    ? el("div", { class: "charts" }, ...plots.map(plot => plot.node))
-    : el("p", { class: "muted" }, "There is no ego in this run."),
-);
+const chartPanel = () =>
+  section(
+    "Ego and criticality",
+    plots.length
+      ? el("div", { class: "charts" }, ...plots.map(plot => plot.node))
+      : el("p", { class: "muted" }, "There is no ego in this run."),
+  );
 const controls = el(
   "div",
   { class: "panel controls", role: "group", "aria-label": "Playback" },
@@ -243,31 +249,78 @@ const controls = el(
   el("label", { class: "optional" }, labels, "Labels"),
 );
 
-document.body.append(
-  el(
-    "main",
-    { id: "page", class: runs.length > 1 ? "two" : null },
-    data.report ? el("nav", null, el("a", { href: data.report }, "← Report of all runs")) : null,
-    runs.length > 1 ? el("h1", null, "Two runs") : null,
-    el("div", { class: "headlines" }, ...runs.map((_, i) => headline(runs, i, seek))),
-    el(
-      "div",
-      { class: "desk" },
-      el("div", { class: "watch" }, ...views.map(stage), controls),
-      el(
-        "div",
-        { class: "column" },
-        runs.length > 1 ? comparison(runs, plots, seek) : null,
-        chartPanel,
-        each("Triggers and actions", timelines),
-        each("Event log", logs),
-        each("Participants", tables),
-      ),
-    ),
-    help,
-    announced,
-  ),
+const pair = el("h1", { hidden: true }, "Two runs");
+const headlines = el("div", { class: "headlines" });
+const watch = el("div", { class: "watch" }, controls);
+const column = el("div", { class: "column" });
+const desk = el("div", { class: "desk" }, watch, column);
+const main = el(
+  "main",
+  { id: "page" },
+  data.report ? el("nav", null, el("a", { href: data.report }, "← Report of all runs")) : null,
+  pair,
+  headlines,
+  desk,
 );
+document.body.append(main, help, announced);
+
+/** Show one run or two, at the same time and in the same view as those before; without roads, on the same ones. */
+function load(scene) {
+  const before = views.map(view => view.run);
+  if (scene.roads) {
+    roadData = scene.roads;
+    roads = roadData.map(road => unpackRoad(road, data.steps));
+  }
+  runs = scene.runs.map(run => unpackRun(run, data));
+  for (const run of runs)
+    run.collisions = run.rows
+      .filter(([level]) => level === "collision")
+      .flatMap(([, , subject, bars]) => bars.map(([from, to]) => ({ from, to: to ?? run.end, who: subject.split(" – ") })));
+  end = Math.max(...runs.map(run => run.end), 0.01);
+  hasEgo = runs.some(run => run.ego !== null && run.tracks.some(each => each.name === run.ego));
+  hasPair = runs.some(run => run.partners.some(([, name]) => name));
+  place(before, !scene.roads);
+  timelines = runs.map((run, i) => new Timeline(run, i, end, seek));
+  logs = runs.map((run, i) => new Log(run, i, seek));
+  tables = runs.map((run, i) => new Participants(run, i, changed));
+  plots = charts(runs, end, seek);
+  found = moments(runs);
+  const [slid, followed] = [track, whom];
+  track = slider(end, found, seek);
+  whom = followChoice();
+  slid.node.replaceWith(track.node);
+  followed.replaceWith(whom);
+  headlines.replaceChildren(...runs.map((_, i) => headline(runs, i, seek)));
+  column.replaceChildren(
+    ...[
+      runs.length > 1 ? comparison(runs, plots, seek) : null,
+      chartPanel(),
+      each("Triggers and actions", timelines),
+      each("Event log", logs),
+      each("Participants", tables),
+    ].filter(Boolean),
+  );
+  clock.time = Math.min(clock.time, end);
+  if (!before.length) begin();
+  redraw();
+}
+
+/** Give each run a view; those before are kept where as many runs of the same bodies are on the same roads. */
+function place(before, sameRoads) {
+  const roadOf = run => (run.road === null ? null : roads[run.road]);
+  const bodies = run => JSON.stringify(run.tracks.map(({ kind, category, box }) => [kind, category, box]));
+  const alike = sameRoads && runs.length === before.length && runs.every((run, i) => bodies(run) === bodies(before[i]));
+  const { on } = eye;
+  if (!alike) flatten();
+  if (runs.length === before.length) views.forEach((view, i) => view.show(runs[i], roadOf(runs[i])));
+  else {
+    views = runs.map((run, i) => new View(run, roadOf(run), i, changed));
+    watch.replaceChildren(...views.map(stage), controls);
+    main.classList.toggle("two", runs.length > 1);
+    pair.hidden = runs.length < 2;
+  }
+  if (on && !alike) solid(true);
+}
 
 function step(count) {
   play(false);
@@ -372,7 +425,7 @@ function frame(now) {
     clock.dirty = true;
     if (clock.time >= end) play(false);
   }
-  if (clock.dirty) show();
+  if (clock.dirty && runs.length) show();
   if (now - clock.written > ADDRESS * 1000) write(now);
   requestAnimationFrame(frame);
 }
@@ -413,6 +466,7 @@ function redraw() {
 
 /** Begin at the time and in the view that the address names (#t=5.05&view=chase); with ego and partner, or all, in sight. */
 function begin() {
+  if (!runs.length) return;
   const address = new URLSearchParams(location.hash.slice(1)),
     given = address.get("t");
   if (given !== null && Number.isFinite(Number(given))) seek(Number(given));
@@ -425,8 +479,8 @@ function begin() {
   redraw();
 }
 
-new ResizeObserver(redraw).observe(document.getElementById("page"));
+new ResizeObserver(redraw).observe(main);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 addEventListener("hashchange", begin);
-begin();
+if (data.runs) load(data);
 requestAnimationFrame(frame);

@@ -38,12 +38,9 @@ const ABOVE = "from above; + and - zoom, drag to move";
 
 class View {
   constructor(run, road, index, changed) {
-    Object.assign(this, { run, road, index, changed, labels: true, colour: palette(), middle: [0, 0] });
-    this.canvas = el("canvas", {
-      tabindex: 0,
-      role: "img",
-      "aria-label": `${run.name} ${ABOVE}`,
-    });
+    Object.assign(this, { index, changed, labels: true, colour: palette(), middle: [0, 0] });
+    this.canvas = el("canvas", { tabindex: 0, role: "img" });
+    this.show(run, road);
     this.told = el("span");
     this.pointers = new Map();
     this.canvas.addEventListener("pointerdown", event => this.press(event));
@@ -58,6 +55,12 @@ class View {
     this.canvas.addEventListener("contextmenu", event => {
       if (eye.on) event.preventDefault(); // the right button moves the free camera
     });
+  }
+
+  /** Show a run, in the place of the one before. */
+  show(run, road) {
+    Object.assign(this, { run, road });
+    this.canvas.setAttribute("aria-label", `${run.name} ${ABOVE}`);
   }
 
   /** Whom the camera follows, where this run has them. */
