@@ -14,7 +14,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from PIL import Image
@@ -85,6 +86,12 @@ def search(folder: Path) -> None:
     _shot((folder / "edge_cases" / "report.html").as_uri(), PICTURES / "search.png", (1100, 640))
 
 
+def explore(folder: Path) -> None:
+    """The page of an explored scenario."""
+    with _explored(folder, "cut_in_highway --sut adas --world kinematic") as address:
+        _shot(f"{address}#t=6.4", PICTURES / "explore.png", (1400, 900))
+
+
 def check(folder: Path) -> None:
     """The problems of a file with three faults."""
     call("xosc new scenario mine", folder)
@@ -100,7 +107,7 @@ def export(folder: Path) -> None:
 
 
 PICTURE: dict[str, Callable[[Path], None]] = {
-    each.__name__: each for each in (replay, check, catalogue, search, export)
+    each.__name__: each for each in (replay, check, catalogue, search, explore, export)
 }
 
 
@@ -110,6 +117,19 @@ def call(line: str, folder: Path) -> str:
     program = Path(sys.executable).with_name(name)
     done = subprocess.run([program, *arguments], cwd=folder, stdout=-1, stderr=-2, text=True)
     return done.stdout
+
+
+@contextmanager
+def _explored(folder: Path, arguments: str) -> Iterator[str]:
+    """The address of `xosc explore`, which ends afterwards."""
+    program = Path(sys.executable).with_name("xosc")
+    command = [program, "explore", *shlex.split(arguments)]
+    with subprocess.Popen(command, cwd=folder, stdout=-1, stderr=-3, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.terminate()
 
 
 def _print(line: str, folder: Path, picture: Path) -> None:

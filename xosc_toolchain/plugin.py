@@ -152,11 +152,20 @@ def write_scenario(name: str, like: str, folder: Path) -> list[Path]:
         UsageError: the name is none of a file, or a file is in the way.
         InvalidFile: no such scenario is shipped.
     """
-    if not _NAME.fullmatch(name):
-        raise UsageError(f"{name!r} is no name: letters, digits, _, - and . are")
-    source, new = LIBRARY / f"{like}.xosc", f"{name.removesuffix('.xosc')}.xosc"
+    source = LIBRARY / f"{like}.xosc"
     if like not in shipped():
         source = file_of(Path(like))  # refuses it, with the most similar name
+    return copy_scenario(source, name, folder)
+
+
+def copy_scenario(source: Path, name: str, folder: Path) -> list[Path]:
+    """Write a scenario or variation file under a new name, with its road and catalogues; the files, its own first.
+
+    Errors as in `write_scenario`.
+    """
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"{name!r} is no name: letters, digits, _, - and . are")
+    new = f"{name.removesuffix('.xosc')}.xosc"
     if (folder / new).exists():
         raise UsageError("this file is there already", path=folder / new)
     made = _Renaming(folder, source.name, new)

@@ -24,6 +24,7 @@ MODULES = {
     "xosc-loop": "generation.loop.xosc_loop",
     "xosc-export": "runner.exchange.xosc_export",
     "xosc-road": "xodr.formats.maps.xosc_road",
+    "xosc-explore": "xosc_toolchain.xosc_explore",
 }
 """The module with the function `main` of each command"""
 OFFERED = {
@@ -77,3 +78,4 @@ xosc_generate = partial(start, "xosc-generate")
 xosc_loop = partial(start, "xosc-loop")
 xosc_export = partial(start, "xosc-export")
 xosc_road = partial(start, "xosc-road")
+xosc_explore = partial(start, "xosc-explore")

@@ -26,6 +26,7 @@ SCENARIO, VARIATION = "highway_lead_brake", "simple_cut_in_variation"
 NAME = "xosc"
 COMMANDS = {
     "check": "check files and folders by ASAM's schemas and rules",
+    "explore": "move a scenario's parameters on a local page, its run follows",
     "export": "export scenarios, or runs of them, for other tools",
     "generate": "search for plausible parameters at which a system fails",
     "list": "list the library by class, road and parameters",

@@ -194,10 +194,12 @@ def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
     """
     context = multiprocessing.get_context("spawn") if anew else None
     start = multiprocessing.get_start_method()
-    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(), start))
+    return ProcessPoolExecutor(
+        processes, context, initializer=begin_worker, initargs=(current(), start)
+    )
 
 
-def _serve(policy: CommandPolicy, start: str) -> None:
+def begin_worker(policy: CommandPolicy, start: str) -> None:
     """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended.
 
     Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.

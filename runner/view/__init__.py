@@ -3,6 +3,7 @@
 Modules:
 
 - `assessment`: the table of an assessment: each run of a batch held against a protocol
+- `explore`: a scenario point by point: ranges of its parameters, films, borders of failure
 - `gym`: the ego driven from outside: an environment for learners
 - `page`: HTML pages made of the files beside this module: one file each
 - `rehearsal`: dry runs, which load and compile everything and bring it to time 0

@@ -22,7 +22,7 @@ _FLAGS = (
     "--no-first-run",
     "--disable-background-networking",
     "--disable-component-update",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
     "--remote-debugging-pipe",
 )
 _GRAPHICS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -147,14 +147,14 @@ class Browser:
 
     def open(
         self,
-        path: Path,
+        page: Path | str,
         fragment: str = "",
         *,
         width: int = 1280,
         height: int = 900,
         dark: bool = False,
     ) -> None:
-        """Show a file in a window of a size, and wait until it is drawn."""
+        """Show a file, or what is at an address, in a window of a size, and wait until it is drawn."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -165,7 +165,8 @@ class Browser:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Page.navigate", url="about:blank")
-        self.call("Page.navigate", url=path.as_uri() + (f"#{fragment}" if fragment else ""))
+        address = page if isinstance(page, str) else page.as_uri()
+        self.call("Page.navigate", url=address + (f"#{fragment}" if fragment else ""))
         self.run(
             "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', () => done()))"
         )

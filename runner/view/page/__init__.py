@@ -18,13 +18,25 @@ _COMMENT = re.compile(r"/\*\*.*?\*/", re.DOTALL)
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
-def page(title: str, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, Any]) -> str:
+_SERVED = "; connect-src 'self'; frame-src 'self'"
+"""What a page may do besides that asks the server which it comes from"""
+
+
+def page(
+    title: str,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    data: Mapping[str, Any],
+    *,
+    served: bool = False,
+) -> str:
     """A whole page.
 
     Args:
         title: any text.
         styles, scripts: files beside this module; scripts share one scope and run in this order.
         data: what the scripts find in the element `data`, JSON-able.
+        served: whether it may ask its own server, and show pages of that.
     """
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).translate(
         _UNSAFE
@@ -33,7 +45,7 @@ def page(title: str, styles: Sequence[str], scripts: Sequence[str], data: Mappin
 <html lang="en">
 <head>
 <meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}{_SERVED if served else ""}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <title>{html.escape(title)}</title>

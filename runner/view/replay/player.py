@@ -126,9 +126,7 @@ class Surroundings(NamedTuple):
         area = union(extent(result.recording.tracks.values()) for result in results)
         west, south, east, north = area.wider(_SURROUNDINGS / 2)
         own = self.area
-        return (
-            own.west <= west and own.south <= south and own.east >= east and own.north >= north
-        )
+        return own.west <= west and own.south <= south and own.east >= east and own.north >= north
 
 
 def scene(results: Sequence[RunResult]) -> dict[str, Any]:
