@@ -125,6 +125,7 @@ ABSENT = [
     ["xosc-export", "absent.xosc", "--to", "esmini", "--out", "out"],
     ["xosc-export", "absent.xosc", "--to", "osi", "--out", "out"],
     ["xosc-replay", "absent"],
+    ["xosc-explore", "absent.xosc"],
     ["xosc-road", "info", "absent.xodr"],
     ["xosc-road", "convert", "absent.xodr", "--out", "map.osm"],
     ["xosc-generate", "absent.xosc", "--out", "out"],
@@ -212,6 +213,7 @@ CALLS: dict[str, tuple[list[str], int]] = {
     "xosc-recognize": (["--bogus"], 2),
     "xosc-generate": (["--bogus"], 2),
     "xosc-loop": (["--bogus"], 2),
+    "xosc-explore": (["absent"], 3),
 }
 """A quick call of each command, and its exit code"""
 assert CALLS.keys() == SCRIPTS.keys()

@@ -2,7 +2,7 @@
 
 The server listens on 127.0.0.1 alone. Each address begins with a token of this start, and requests
 that name another host, or come from pages of others, are refused. What a page may ask for is in
-`Site`: points of the named files, with systems under test that the command offers.
+`ExploreSite`: points of the named files, with systems under test that the command offers.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from runner.view.explore import (
     ExploredParameter,
     FilmProcess,
     FilmRequest,
+    PointVerdict,
     Superseded,
-    Verdict,
     border,
     verdict_at,
 )
@@ -148,7 +148,7 @@ def xosc_explore(
         told = "plays what a page asks for, until it is ended; play files of strangers by xosc-run --untrusted"
         raise UsageError(f"{NAME} {told}")
     settings = replace(settings, fail_if=tuple(fail_if or ()))
-    site = Site(paths, settings, parameters_of(param or ()), out, jobs)
+    site = ExploreSite(paths, settings, parameters_of(param or ()), out, jobs)
     try:
         server = _Server(site, port)
     except OSError as error:
@@ -173,7 +173,7 @@ def xosc_explore(
 # what pages ask for -----------------------------------------------------------------------------
 
 
-class Site:
+class ExploreSite:
     """Answers of the server: pages as HTML, requests of pages as JSON.
 
     Args:
@@ -300,7 +300,7 @@ class Site:
         x: list[str],
         y: list[str],
         points: Mapping[tuple[int, int], dict[str, str]],
-        play: Callable[[dict[str, str], RunSettings], Verdict],
+        play: Callable[[dict[str, str], RunSettings], PointVerdict],
         settings: RunSettings,
         number: int,
     ) -> Iterator[dict[str, Any]]:
@@ -314,7 +314,7 @@ class Site:
                     cell = left.pop(0)
                     running[self._workers().submit(play, points[cell], settings)] = cell
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    verdict: Verdict = future.result()
+                    verdict: PointVerdict = future.result()
                     cell = running.pop(future)
                     yield {"cell": cell, "state": verdict.state, "reason": verdict.reason}
             yield {"done": True}
@@ -326,7 +326,7 @@ class Site:
                 future.cancel()
 
     def border(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Where the scenario begins to fail along a parameter."""
+        """Border of failure along a parameter."""
         explored, values = self._point(asked)
         settings = self._with(asked.get("system"))
         parameter = explored.parameter(asked.get("parameter"))
@@ -551,7 +551,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     allow_reuse_address = False
 
-    def __init__(self, site: Site, port: int) -> None:
+    def __init__(self, site: ExploreSite, port: int) -> None:
         self.site, self.token = site, secrets.token_urlsafe(24)
         self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
         super().__init__((_HOST, port), _Handler)

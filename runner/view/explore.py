@@ -19,7 +19,7 @@ from runner.batch.pool import begin_worker
 from runner.judging.execution import run
 from runner.judging.result import FAILED
 from runner.judging.settings import RunSettings
-from runner.view.replay.player import Surroundings, roads_of, runs_of_scene
+from runner.view.replay.player import SceneArea, roads_of, runs_of_scene
 from schemas.common.errors import ToolchainError, UsageError, describe, nearest
 from schemas.common.policy import CommandPolicy, current, limited
 from schemas.common.terminal.files import named
@@ -233,25 +233,27 @@ def _bounds(declared: ListedParameter) -> list[float]:
 # points -----------------------------------------------------------------------------------------
 
 
-class Verdict(NamedTuple):
-    """Verdict of a run at a point: `passed`, `failed`, `inconclusive` or `error`, and the reason."""
+class PointVerdict(NamedTuple):
+    """PointVerdict of a run at a point: `passed`, `failed`, `inconclusive` or `error`, and the reason."""
 
     state: str
     reason: str
 
 
-def verdict_at(scenario: Path, parameters: Mapping[str, str], settings: RunSettings) -> Verdict:
+def verdict_at(
+    scenario: Path, parameters: Mapping[str, str], settings: RunSettings
+) -> PointVerdict:
     """Play a point; an error is a verdict too."""
     try:
         with limited():
             verdict = run(scenario, settings, parameters=parameters).verdict
     except Exception as error:
-        return Verdict("error", describe(error)[0])
-    return Verdict(verdict.outcome, "; ".join(verdict.reasons))
+        return PointVerdict("error", describe(error)[0])
+    return PointVerdict(verdict.outcome, "; ".join(verdict.reasons))
 
 
 class Border(NamedTuple):
-    """Where a scenario begins to fail along a parameter.
+    """Border of failure along a parameter.
 
     Attributes:
         points: values that were played (texts, ascending), with their states.
@@ -272,7 +274,7 @@ def border(parameter: ExploredParameter, judge: Callable[[Sequence[str]], Sequen
     """Find the border of failure that is nearest to the parameter's value: a scan, then a bisection.
 
     Args:
-        parameter: a number; its value counts as where the user is.
+        parameter: a number; borders near its value are preferred.
         judge: states of values (texts), in their order.
 
     Raises:
@@ -337,7 +339,7 @@ class _Projector:
 
     mark: str = ""
     number: int = 0
-    around: Surroundings | None = None
+    around: SceneArea | None = None
     roads: tuple[str, ...] = ()
 
     def film(self, request: FilmRequest, progress: Callable[[float], object]) -> dict[str, Any]:
@@ -350,7 +352,7 @@ class _Projector:
                 ]
                 roads = tuple(_road(result) for result in results)
                 if self.around is None or roads != self.roads or not self.around.hold(results):
-                    self.around, self.roads = Surroundings.of(results), roads
+                    self.around, self.roads = SceneArea.of(results), roads
                     self.number += 1
                     self.mark = f"{multiprocessing.current_process().pid}-{self.number}"
                 scene: dict[str, Any] = {"runs": runs_of_scene(results, self.around)}

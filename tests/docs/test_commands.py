@@ -4,7 +4,8 @@ The README and the tutorials are played one after the other in one folder that h
 where a clone has them, as a reader types them. The pages on extending are played together in one
 copy of the clone, where their files are found as any other's. Blocks are
 
-- `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
+- `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`), or
+  is ended (`# Ctrl-C`) when it has printed a line;
 - any language whose first line is a comment with nothing but a file's name or path: saved there;
 - `python` otherwise: run as a program;
 - `text`: printed by the block before, line by line, in any order; `…` stands for anything.
@@ -19,6 +20,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -198,9 +200,21 @@ def answers(block: Block, do: Do) -> Iterator[str]:
     for command in block.commands:
         if bare(command) not in NOT_RUN:
             announced = re.search(r"exit code (\d)", command)
-            code, printed = do(bare(command))
+            ended = "Ctrl-C" in command.partition(" #")[2]
+            code, printed = (interrupted if ended else do)(bare(command))
             assert code == (int(announced[1]) if announced else 0), f"{command}: {printed}"
             yield printed
+
+
+def interrupted(line: str) -> tuple[int, str]:
+    """Exit code and first line of a command that is ended by Ctrl-C."""
+    name, *arguments = shlex.split(line)
+    program = [Path(sys.executable).with_name(name), *arguments]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        return process.wait(_SECONDS), first
 
 
 def is_printed(line: str, printed: str) -> bool:

@@ -58,6 +58,7 @@ FUNCTIONS = (
     "generation.xosc_generate:xosc_generate", "generation.loop.xosc_loop:xosc_loop",
     "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
     "recognition.trfe.training.command:train",
+    "xosc_toolchain.xosc_explore:xosc_explore",
     *(
         f"xodr.formats.maps.xosc_road:{each}_command"
         for each in ("convert", "compare", "info", "show", "cut", "place", "join", "repair", "drive")

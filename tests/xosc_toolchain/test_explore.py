@@ -30,7 +30,7 @@ SETTINGS = RunSettings(sut="adas", world="kinematic", max_time=8.0)
 class Served:
     """A server on a thread, and requests to it."""
 
-    def __init__(self, site: xosc_explore.Site) -> None:
+    def __init__(self, site: xosc_explore.ExploreSite) -> None:
         self.server = xosc_explore._Server(site, 0)
         self.host = f"127.0.0.1:{self.server.server_port}"
         self.address = f"http://{self.host}/{self.server.token}/"
@@ -60,7 +60,7 @@ class Served:
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     out = tmp_path_factory.mktemp("saved")
-    site = xosc_explore.Site([LIBRARY / "simple_cut_in.xosc"], SETTINGS, {}, out, 2)
+    site = xosc_explore.ExploreSite([LIBRARY / "simple_cut_in.xosc"], SETTINGS, {}, out, 2)
     found = Served(site)
     yield found
     found.server.shutdown()
@@ -201,7 +201,7 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shelf(batch: Path) -> Iterator[Served]:
-    site = xosc_explore.Site([batch], SETTINGS, {}, None, 1)
+    site = xosc_explore.ExploreSite([batch], SETTINGS, {}, None, 1)
     found = Served(site)
     yield found
     found.server.shutdown()
@@ -238,7 +238,7 @@ def test_a_run_whose_scenario_has_gone_says_so(batch: Path, tmp_path: Path) -> N
     shutil.copytree(batch, moved, symlinks=True)
     journal = next(path for path in moved.iterdir() if path.suffix == ".jsonl")
     journal.write_text(journal.read_text().replace(str(LIBRARY), "/nowhere"))
-    site = xosc_explore.Site([moved], SETTINGS, {}, None, 1)
+    site = xosc_explore.ExploreSite([moved], SETTINGS, {}, None, 1)
     with pytest.raises(xosc_explore.ToolchainError):
         site.explore("0")
     site.close()

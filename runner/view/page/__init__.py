@@ -19,7 +19,7 @@ _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inl
 
 
 _SERVED = "; connect-src 'self'; frame-src 'self'"
-"""What a page may do besides that asks the server which it comes from"""
+"""Additions for a page that asks the server which it comes from"""
 
 
 def page(

@@ -108,15 +108,15 @@ _GREATEST = 1000.0
 """Values of curves beyond this are cut off there"""
 
 
-class Surroundings(NamedTuple):
+class SceneArea(NamedTuple):
     """Rectangle whose roads a scene draws (m), and the origin from which its positions are counted (m)."""
 
     area: Area
     origin: tuple[int, int]
 
     @classmethod
-    def of(cls, results: Sequence[RunResult]) -> Surroundings:
-        """Surroundings of the paths of all participants."""
+    def of(cls, results: Sequence[RunResult]) -> SceneArea:
+        """SceneArea of the paths of all participants."""
         area = union(extent(result.recording.tracks.values()) for result in results)
         origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
         return cls(area.wider(_SURROUNDINGS), origin)
@@ -131,7 +131,7 @@ class Surroundings(NamedTuple):
 
 def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     """One run, or two to be compared: roads that both are on are there once."""
-    around = Surroundings.of(results)
+    around = SceneArea.of(results)
     return {
         "steps": steps(),
         "roads": roads_of(results, around),
@@ -139,12 +139,12 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     }
 
 
-def roads_of(results: Sequence[RunResult], around: Surroundings) -> list[dict[str, Any]]:
+def roads_of(results: Sequence[RunResult], around: SceneArea) -> list[dict[str, Any]]:
     """The roads of runs within their surroundings, each once."""
     return [road_of(network, around.area, around.origin) for network in _networks(results)]
 
 
-def runs_of_scene(results: Sequence[RunResult], around: Surroundings) -> list[dict[str, Any]]:
+def runs_of_scene(results: Sequence[RunResult], around: SceneArea) -> list[dict[str, Any]]:
     """Runs counted from an origin; `road` is the index of a run's among `roads_of`, or None."""
     places = {network.path: index for index, network in enumerate(_networks(results))}
     found = []

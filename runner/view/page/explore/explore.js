@@ -9,7 +9,8 @@ async function ask(what, values) {
   }).catch(() => {
     throw new Error("the command has ended: start it again");
   });
-  if (!answer.ok) throw Object.assign(new Error((await answer.json()).error ?? answer.statusText), { status: answer.status });
+  if (!answer.ok)
+    throw Object.assign(new Error((await answer.json()).error ?? answer.statusText), { status: answer.status });
   return answer;
 }
 
@@ -59,8 +60,15 @@ async function playPoint() {
       load(found.scene);
       tellFault("");
       if (number === 1 && !clock.time) seek(runs[0].account[0]?.[1] ?? 0); // the moment that the verdict is about
-      const verdicts = runs.flatMap((run, i) => [sign(runs, i), el("span", { class: `badge ${run.verdict}` }, run.verdict), " "]);
-      status.replaceChildren(...verdicts.filter(Boolean), el("span", { class: "muted" }, `${Math.round(performance.now() - from)} ms`));
+      const verdicts = runs.flatMap((run, i) => [
+        sign(runs, i),
+        el("span", { class: `badge ${run.verdict}` }, run.verdict),
+        " ",
+      ]);
+      status.replaceChildren(
+        ...verdicts.filter(Boolean),
+        el("span", { class: "muted" }, `${Math.round(performance.now() - from)} ms`),
+      );
     }
   } catch (error) {
     if (error.status === SUPERSEDED) return;
@@ -92,7 +100,12 @@ function knob(parameter) {
     placeOnMap();
   };
   const box = choices.length
-    ? choice(name, choices.map(each => [each, each]), parameter.value, set)
+    ? choice(
+        name,
+        choices.map(each => [each, each]),
+        parameter.value,
+        set,
+      )
     : el("input", { id, type: "text", inputmode: isNumber ? "decimal" : null, change: () => set(box.value.trim()) });
   const slide = isNumber
     ? el("input", {
@@ -113,10 +126,17 @@ function knob(parameter) {
     : null;
   const dots = el("div", { class: "dots", "aria-hidden": "true" }),
     told = el("p", { class: "told-border muted", role: "status" });
-  const find = isNumber ? el("button", { class: "plain", click: () => findBorder(parameter, dots, told, set) }, "Where does it begin to fail?") : null;
+  const find = isNumber
+    ? el("button", { class: "plain", click: () => findBorder(parameter, dots, told, set) }, "Where does it begin to fail?")
+    : null;
   if (find) find.setAttribute("aria-label", `Where does it begin to fail along ${name}?`);
   const ends = isNumber
-    ? el("div", { class: "ends muted" }, `${rounded(low)} to ${rounded(high)}${limited ? "" : " (no limits declared)"}`, find)
+    ? el(
+        "div",
+        { class: "ends muted" },
+        `${rounded(low)} to ${rounded(high)}${limited ? "" : " (no limits declared)"}`,
+        find,
+      )
     : null;
   const node = el(
     "div",
@@ -164,7 +184,8 @@ async function findBorder(parameter, dots, told, set) {
     );
     if (!found.edge) {
       const all = found.points.every(([, state]) => state === "failed");
-      told.textContent = `${all ? "fails" : "does not fail"} at all ${found.points.length} values from ${rounded(low)} to ${rounded(high)}`;
+      const span = `${found.points.length} values from ${rounded(low)} to ${rounded(high)}`;
+      told.textContent = `${all ? "fails" : "does not fail"} at all ${span}`;
       return;
     }
     const [holds, fails] = found.edge,

@@ -28,7 +28,8 @@ function fill({ columns, rows, count, noun }) {
     ),
   );
   [...body.rows].forEach(row => nameCells(row, ["", ...columns]));
-  answered.textContent = `${count} ${noun}${count === 1 ? "" : "s"}${count > rows.length ? `, the first ${rows.length} are shown` : ""}`;
+  const fewer = count > rows.length ? `, the first ${rows.length} are shown` : "";
+  answered.textContent = `${count} ${noun}${count === 1 ? "" : "s"}${fewer}`;
 }
 
 async function answer(event) {
@@ -47,7 +48,12 @@ async function answer(event) {
   }
 }
 
-const columnsOf = el("details", null, el("summary", { class: "muted" }, "Columns"), el("p", { class: "muted" }, data.names.join(", ")));
+const columnsOf = el(
+  "details",
+  null,
+  el("summary", { class: "muted" }, "Columns"),
+  el("p", { class: "muted" }, data.names.join(", ")),
+);
 document.body.append(
   el(
     "main",
@@ -56,7 +62,12 @@ document.body.append(
     el("form", { class: "panel asked", role: "search", submit: answer }, question, el("button", null, "Ask"), answered),
     el("section", { class: "panel", "aria-label": "Rows" }, columnsOf, wide("Rows", table)),
     ...data.pages.map((address, i) =>
-      el("details", { open: i === 0 }, el("summary", null, address.split("/").at(-1)), el("iframe", { class: "framed", src: address, title: address.split("/").at(-1), loading: "lazy" })),
+      el(
+        "details",
+        { open: i === 0 },
+        el("summary", null, address.split("/").at(-1)),
+        el("iframe", { class: "framed", src: address, title: address.split("/").at(-1), loading: "lazy" }),
+      ),
     ),
   ),
 );

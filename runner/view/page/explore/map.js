@@ -8,7 +8,12 @@ const map = { x: null, y: null, axes: [], cells: [], asked: 0 };
 const mapNode = el("div", { class: "map" });
 const mapTold = el("p", { class: "muted", role: "status" });
 const axisChoice = (label, at) =>
-  choice(label, ranged.map(({ name }) => [name, name]), ranged[at]?.name, () => mapNode.replaceChildren());
+  choice(
+    label,
+    ranged.map(({ name }) => [name, name]),
+    ranged[at]?.name,
+    () => mapNode.replaceChildren(),
+  );
 const mapX = axisChoice("Across", 0),
   mapY = axisChoice("Upwards", 1);
 
@@ -58,11 +63,28 @@ async function* lines(answer) {
 function grid(x, y) {
   Object.assign(map, { x, y, axes: [mapX.value, mapY.value] });
   map.cells = x.map((across, i) =>
-    y.map((up, j) => el("button", { tabindex: -1, click: () => setPoint({ [map.axes[0]]: across, [map.axes[1]]: up }), keydown: event => goCell(event, i, j) })),
+    y.map((up, j) =>
+      el("button", {
+        tabindex: -1,
+        click: () => setPoint({ [map.axes[0]]: across, [map.axes[1]]: up }),
+        keydown: event => goCell(event, i, j),
+      }),
+    ),
   );
-  const rows = [...y.keys()].reverse().map(j => el("div", { role: "row", style: "display:contents" }, ...map.cells.map(column => column[j])));
+  const rows = [...y.keys()]
+    .reverse()
+    .map(j => el("div", { role: "row", style: "display:contents" }, ...map.cells.map(column => column[j])));
   for (const cell of map.cells.flat()) cell.setAttribute("role", "gridcell");
-  const cells = el("div", { class: "cells", role: "grid", "aria-label": `Verdicts over ${map.axes.join(" and ")}`, style: `grid-template-columns:repeat(${x.length},minmax(0,1fr))` }, ...rows);
+  const cells = el(
+    "div",
+    {
+      class: "cells",
+      role: "grid",
+      "aria-label": `Verdicts over ${map.axes.join(" and ")}`,
+      style: `grid-template-columns:repeat(${x.length},minmax(0,1fr))`,
+    },
+    ...rows,
+  );
   const range = texts => `${texts[0]} to ${texts.at(-1)}`;
   mapNode.replaceChildren(
     el("div", { class: "axis-y" }, `${map.axes[1]}: ${range(y)}`),
@@ -120,13 +142,21 @@ function counted() {
     .join(", ");
 }
 
-const mapPanel = ranged.length > 1
-  ? section(
-      "Verdicts around the point",
-      el("div", { class: "pick" }, el("span", null, "Across"), mapX, el("span", null, "Upwards"), mapY),
-      el("p", { style: "margin-top:6px" }, button("Draw the map", drawMap, null, "Draw the map"), " ", mapTold),
-      mapNode,
-      el("div", { class: "key muted" }, "✕ failed", el("span", null, "? inconclusive"), el("span", null, "! error"), el("span", null, "frame: the point")),
-    )
-  : null;
+const mapPanel =
+  ranged.length > 1
+    ? section(
+        "Verdicts around the point",
+        el("div", { class: "pick" }, el("span", null, "Across"), mapX, el("span", null, "Upwards"), mapY),
+        el("p", { style: "margin-top:6px" }, button("Draw the map", drawMap, null, "Draw the map"), " ", mapTold),
+        mapNode,
+        el(
+          "div",
+          { class: "key muted" },
+          "✕ failed",
+          el("span", null, "? inconclusive"),
+          el("span", null, "! error"),
+          el("span", null, "frame: the point"),
+        ),
+      )
+    : null;
 if (ranged.length > 1) mapY.selectedIndex = 1;

@@ -9,7 +9,12 @@ function chooseSystems() {
   renew();
 }
 
-const saveName = el("input", { type: "text", id: "save-name", value: `${data.name}_explored`, "aria-label": "Name of the file" });
+const saveName = el("input", {
+  type: "text",
+  id: "save-name",
+  value: `${data.name}_explored`,
+  "aria-label": "Name of the file",
+});
 const saveTold = el("p", { class: "muted saved", role: "status" });
 
 async function save(kind) {
@@ -33,10 +38,21 @@ const explored = el(
     el("p", { class: "muted" }, data.description),
     status,
     fault,
-    el("div", { class: "pick", style: "margin-top:8px" }, el("span", null, "System"), systemA, el("span", null, "Compare"), systemB),
+    el(
+      "div",
+      { class: "pick", style: "margin-top:8px" },
+      el("span", null, "System"),
+      systemA,
+      el("span", null, "Compare"),
+      systemB,
+    ),
     ...knobs.map(each => each.node),
     data.parameters.length ? null : el("p", { class: "muted" }, "This scenario declares no parameters."),
-    el("p", { style: "margin-top:6px" }, button("Back to the values at the beginning", () => setPoint(asDeclared), null, "Reset")),
+    el(
+      "p",
+      { style: "margin-top:6px" },
+      button("Back to the values at the beginning", () => setPoint(asDeclared), null, "Reset"),
+    ),
   ),
   mapPanel,
   section(
