@@ -326,7 +326,7 @@ def test_a_folder_is_asked_and_explored_on_its_page(shelf: Served, tmp_path: Pat
         click(browser, "Ask")
         wait(browser, "document.querySelectorAll('tbody tr').length === 0")
         browser.open(shelf.address)
-        browser.run("document.querySelector('tbody a').click()")
+        browser.open(browser.run("document.querySelector('tbody a').href"))
         wait(browser, "document.querySelector('.status .badge')")
         assert browser.errors == []
 
