@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,9 @@ from generation.search.gate import (
     Statement,
     replay_shares,
 )
+from generation.search.methods.judging import NOT_JUDGED, JudgeCounts, Judging
 from generation.search.outcomes import (
+    JUDGES,
     Cases,
     Drivers,
     Episodes,
@@ -46,6 +48,7 @@ from generation.search.problem import (
     Reward,
     SearchProblem,
     counted,
+    counted_drivers,
     method,
 )
 from generation.search.settings import SearchSettings
@@ -98,6 +101,7 @@ class Generated:
         cut: whether its time was over before its budget.
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
+        judged: verdicts on failures during the search; none where plays give them.
     """
 
     space: Space
@@ -116,6 +120,7 @@ class Generated:
     draws: Episodes | None = None
     domain: Domain = EVERYWHERE
     cut: bool = False
+    judged: JudgeCounts = NOT_JUDGED
 
 
 def generate(
@@ -135,7 +140,8 @@ def generate(
     the density and runs of an estimate are among those that cases are chosen from.
 
     A quarter of the budget are unguided draws of the density, which no method sees: they bound the
-    probability of failures that the search did not find. The method spends the rest.
+    probability of failures that the search did not find. The method spends the rest, with the runs
+    of judges that say which failures a careful driver prevents.
 
     Args:
         scenario: the file.
@@ -187,11 +193,12 @@ def generate(
         drawn = counted(draws, progress)(unguided)
         unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         gate = _gate(scenario, space, source, unseen, out, settings)
-        # Search: spend the rest of the budget
+        # Search: spend the rest of the budget, judges included
         plays = _plays(scenario, space, settings)
         screen = None if plays is None else Counting(plays)
         judged = prior.judged if gate.refusal is None else prior.unjudged
-        drivers = remembering(evaluator)
+        drivers = _drivers(scenario, space, out, settings, evaluator)
+        judging = None if screen is not None else Judging(space, counted_drivers(drivers, progress))
 
         def made(history: History, ended: bool = True, cut: bool = False) -> Generated:
             """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
@@ -210,6 +217,7 @@ def generate(
                 runs.damaged + draws.damaged + more.damaged,
                 statement=_statement(space, runs.episodes(reward), unguided, drawn),
                 plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
+                judged=NOT_JUDGED if judging is None else judging.counts,
             )  # fmt: skip
             write_object(summary(scenario, generated, settings), out / summary_file(scenario))
             write_episodes(space, {"sought": sought, "drawn": drawings, "estimate": estimates}, out)
@@ -222,7 +230,7 @@ def generate(
             settings,
             lambda history: interim(made(history, False)),
         )
-        problem = SearchProblem(space, course, reward, real.theta, found, prior, screen)
+        problem = SearchProblem(space, course, reward, real.theta, found, prior, screen, judging)
         try:
             return made(search(problem, settings.budget - len(unguided), settings.seed))
         except _TimeOver:
@@ -377,6 +385,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
             "failures": int((sought.executed & sought.collision).sum()),
         },
         "plays": made.plays,
+        "judges": made.judged._asdict(),
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
@@ -430,6 +439,22 @@ def _runs_file(
     given = inputs(scenario, settings.run, space.pinned, (*OURS, "generation.search.outcomes"))
     deciding = (given, settings.rss, space.names, sorted(space.pinned.items()))
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
+
+
+def _drivers(
+    scenario: Path, space: Space, out: Path, settings: SearchSettings, evaluator: Evaluator
+) -> Drivers:
+    """Reference drivers; what judges drive is kept in the folder, as the runs are."""
+
+    def kept(judge: str) -> Memory:
+        own = replace(settings, run=replace(settings.run, sut=judge))
+        path = _runs_file(scenario, space, out, own, f"judge_{judge}")
+        return Memory(partial(evaluator, sut=judge), path)
+
+    judges = {judge: kept(judge) for judge in JUDGES}
+    return remembering(
+        lambda theta, sut: judges[sut](theta) if sut in judges else evaluator(theta, sut)
+    )
 
 
 def _plays(scenario: Path, space: Space, settings: SearchSettings) -> ArrayPlays | None:

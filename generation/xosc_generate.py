@@ -249,10 +249,12 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     else:
         yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
+    if generated.judged.judged:
+        yield f"  {generated.judged}"
     if generated.cut:
         budget = many(settings.budget, "run")
         yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
-    elif 0 < len(outcomes) < settings.budget - drawn_of(settings.budget):
+    elif 0 < len(outcomes) < settings.budget - drawn_of(settings.budget) - generated.judged.runs:
         yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed in plays any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"

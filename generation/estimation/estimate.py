@@ -16,7 +16,7 @@ from generation.estimation.probability import (
     Rate,
     probability,
 )
-from generation.search.methods.cover import differences
+from generation.search.methods.models import differences
 from generation.search.outcomes import Drivers, Evaluate, Outcomes, joined, survivors
 from generation.search.problem import Plays
 from generation.space.density.models.kernels import KDE, scott

@@ -24,8 +24,8 @@ from generation.search.settings import SearchSettings
 from generation.search.variations import Writer
 from generation.space.density.prior import LEAST, by_actor, reading
 from generation.space.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role, roles_of
-from generation.space.space import Space, distinctive
-from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from generation.space.space import Space, distinctive, grouped
+from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
@@ -565,17 +565,6 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
             )
         )
     return sorted(found, key=lambda region: region.importance, reverse=True)[:_MOST]
-
-
-def grouped(unit: FloatArray, linked: float) -> IntArray:
-    """Labels (n,) of rows (n, d) of the unit cube: groups by single linkage at a root-mean-square distance."""
-    from scipy.cluster.hierarchy import fcluster, linkage
-
-    if len(unit) < 2:
-        return np.zeros(len(unit), np.int64)
-    return np.asarray(
-        fcluster(linkage(unit, "single"), linked * np.sqrt(unit.shape[1]), "distance"), np.int64
-    )
 
 
 def _share(generated: Generated, columns: BoolArray, group: FloatArray) -> Share:

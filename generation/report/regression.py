@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
-from generation.report.counterexamples import LINKED, grouped
+from generation.report.counterexamples import LINKED
 from generation.search.gate import NEAR
 from generation.search.outcomes import COLLISION, Outcomes, SimulationJob, Simulator
 from generation.search.settings import SearchSettings
-from generation.space.space import Space, apart, distinctive
+from generation.space.space import Space, apart, distinctive, grouped
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError

@@ -446,12 +446,12 @@ Drivers = Callable[[FloatArray, str], Outcomes]
 """Outcomes of points (n, d), driven by the system under test of a name; `generation.search.outcomes.Evaluator` is one."""
 
 
-def survivors(theta: FloatArray, drivers: Drivers) -> BoolArray:
-    """The points (n,) of (n, d) that one of the `JUDGES` survives; each is asked only where those before it have not."""
+def survivors(theta: FloatArray, drivers: Drivers, judges: Sequence[str] = JUDGES) -> BoolArray:
+    """The points (n,) of (n, d) that one of the judges survives; each is asked only where those before it have not."""
     found = np.zeros(len(theta), bool)
     # Runs are what a search pays for: the second judge drives only what the first one does not
     # survive.
-    for judge in JUDGES:
+    for judge in judges:
         left = np.flatnonzero(~found)
         if left.size:
             found[left] = drivers(theta[left], judge).survived

@@ -36,15 +36,21 @@ class ArrayPlays:
         space: the parameters that are searched, and the values of the others.
         run: settings of the runs.
         rss: the RSS parameter set of risk.
+        fast: whether a scenario of which much is done run by run is refused: it is no faster.
 
     Raises:
         Unsupported: the scenario, its system under test or a setting plays in single runs only, or
-            much of it is done run by run, which is no faster.
+            much of it is done run by run, and `fast` is asked for.
         ToolchainError: the system fails, or the scenario can't be compiled.
     """
 
     def __init__(
-        self, scenario: Path, space: Space, run: RunSettings | None = None, rss: str = "ad-rss"
+        self,
+        scenario: Path,
+        space: Space,
+        run: RunSettings | None = None,
+        rss: str = "ad-rss",
+        fast: bool = True,
     ) -> None:
         run = run or RunSettings()
         self._scenario, self._space, self._rss = scenario, space, rss
@@ -52,7 +58,7 @@ class ArrayPlays:
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
         drawn = space.draw(_TRIED, np.random.default_rng(0))
-        reason = obstacle(scenario, self._run, [*map(self._values, drawn)], fast=True)
+        reason = obstacle(scenario, self._run, [*map(self._values, drawn)], fast=fast)
         if reason:
             raise Unsupported(reason, path=scenario)
 

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.search.methods import Method, offered
-from generation.search.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
+from generation.search.methods.judging import Judging
+from generation.search.outcomes import NOTHING, Drivers, Episodes, Evaluate, Outcomes, joined
 from generation.space.density.base import Density
 from generation.space.density.prior import Prior, fitted, held_out
 from generation.space.space import Space
@@ -199,6 +200,8 @@ class SearchProblem:
         prior: what traffic does in this space; None where only the published reward is asked for.
         plays: plays points without a simulator, with any system under test; None where there is
             none.
+        judging: judges failures before the search learns from them, within the budget; None where
+            all failures count alike.
     """
 
     space: Space
@@ -208,6 +211,7 @@ class SearchProblem:
     found: FloatArray | None = None
     prior: Prior | None = None
     plays: Plays | None = None
+    judging: Judging | None = None
 
     @property
     def starts(self) -> FloatArray:
@@ -259,6 +263,18 @@ class Calls:
         self._parts.append(Episodes(theta, outcomes, self.problem.reward(theta, outcomes)))
         return self._parts[-1]
 
+    def prevented(self, episodes: Episodes) -> BoolArray:
+        """Failures among episodes that a judge prevents (n,); all of them where the problem has no judges."""
+        failing, judging = (
+            episodes.outcomes.collision & episodes.outcomes.executed,
+            self.problem.judging,
+        )
+        if judging is not None and failing.any():
+            before = judging.runs
+            failing[failing] = judging(episodes.theta[failing], self.left)
+            self.left -= judging.runs - before
+        return failing
+
     @property
     def history(self) -> History:
         """All episodes so far."""
@@ -279,6 +295,15 @@ def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
         return outcomes
 
     return evaluating
+
+
+def counted_drivers(drivers: Drivers, progress: Callable[[int], None]) -> Drivers:
+    """Drive, and call `progress` with the number of points each time."""
+
+    def driving(theta: FloatArray, sut: str) -> Outcomes:
+        return counted(lambda rows: drivers(rows, sut), progress)(theta)
+
+    return driving
 
 
 class Memory:

@@ -416,3 +416,14 @@ def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray
             near = np.array(tree.query_ball_point(unit[index], reach), np.int64)
             left[near] &= np.sqrt(np.square(unit[near] - unit[index]).mean(axis=1)) >= least
     return np.array(kept, np.int64)
+
+
+def grouped(unit: FloatArray, linked: float) -> IntArray:
+    """Labels (n,) of rows (n, d) of the unit cube: groups by single linkage at a root-mean-square distance."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    if len(unit) < 2:
+        return np.zeros(len(unit), np.int64)
+    return np.asarray(
+        fcluster(linkage(unit, "single"), linked * np.sqrt(unit.shape[1]), "distance"), np.int64
+    )

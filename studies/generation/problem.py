@@ -70,7 +70,7 @@ def posed(
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))
     try:
-        plays = ArrayPlays(scenario, space, run)
+        plays = ArrayPlays(scenario, space, run, fast=False)
     except Unsupported:
         plays = None
     with Evaluator(scenario, space, run=run, processes=processes) as sumo:

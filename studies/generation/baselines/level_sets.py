@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.search.methods.cover import BORDER, Frame, GaussianProcess
+from generation.search.methods.models import BORDER, Frame, GaussianProcess
 from generation.search.problem import Calls, History, SearchProblem
 from generation.space.space import diverse
 from schemas.common.array_types import FloatArray

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.search.methods.cover import Frame, scores
+from generation.search.methods.models import Frame, scores
 from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError

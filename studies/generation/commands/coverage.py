@@ -54,7 +54,7 @@ def command(
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
     from studies.generation.coverage import coverage, markdown
-    from studies.generation.planted.systems import Plan, Pool, plant
+    from studies.generation.planted.systems import SILENT, Plan, Pool, plant
     from studies.generation.problem import posed
 
     names = systems or [*_SYSTEMS, _PLANTED]
@@ -70,7 +70,9 @@ def command(
         }
         if _PLANTED in names:
             drawn = Pool.of(prior, plays, pool, out / f"{scenario.stem}_{density}_pool_{pool}.npz")
-            evaluated[_PLANTED] = plant(Plan("box", 1, 4e-3, False), space, prior, plays, drawn, 0)
+            evaluated[_PLANTED] = plant(
+                Plan("box", (1,), 4e-3, SILENT), space, prior, plays, drawn, 0
+            )
         found = []
         for each in coverage(
             problem,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
-from generation.search.methods.cover import Frame
+from generation.search.methods.models import Frame
 from generation.search.problem import Calls, History, SearchProblem
 from generation.space.density.prior import Prior
 from schemas.common.array_types import FloatArray, IntArray

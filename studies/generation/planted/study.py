@@ -16,40 +16,63 @@ from scipy.spatial.distance import cdist
 from generation.pipeline import drawn_of
 from generation.search.gate import NEAR, Statement
 from generation.search.methods.cover import cover, draws
+from generation.search.methods.judging import Judging
 from generation.search.methods.mcsg import mcsg, mcsg_published
-from generation.search.outcomes import Outcomes
+from generation.search.outcomes import Outcomes, survivors
 from generation.search.problem import History, Plays, Search, SearchProblem
 from generation.space.space import Space, distinctive
-from schemas.common.array_types import FloatArray
+from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
 from studies.generation.planted.designs import cells, maximin, sobol
-from studies.generation.planted.systems import UNDRIVEN, Plan, Planted, Pool, plant
+from studies.generation.planted.systems import (
+    CAREFUL,
+    DECEPTIVE,
+    GRADIENT,
+    SILENT,
+    UNDRIVEN,
+    Plan,
+    Planted,
+    Pool,
+    plant,
+)
 from studies.generation.planted.together import Work, together
 
 PLANS: Mapping[str, Sequence[Plan]] = {
     "development": (
-        Plan("box", 1, 1e-2, True),
-        Plan("ellipsoid", 2, 4e-3, False),
-        Plan("slab", 5, 1e-2, True),
-        Plan("interaction", 1, 1e-3, True),
-        Plan("shell", 1, 1e-3, True),
-        Plan("timing", 1, 4e-3, False),
+        Plan("box", (1,), 1e-2),
+        Plan("ellipsoid", (1, 1), 4e-3, SILENT),
+        Plan("slab", (1,) * 5, 1e-2),
+        Plan("interaction", (1,), 1e-3),
+        Plan("shell", (1,), 1e-3),
+        Plan("timing", (1,), 4e-3, SILENT),
+        Plan("box", (1,), 4e-3, GRADIENT, CAREFUL),
+        Plan("ellipsoid", (1,), 4e-3, DECEPTIVE),
+        Plan("ellipsoid", (8, 1), 9e-3),
+        Plan("box", (1, 1), 8e-3),
+        Plan("speckles", (1,), 5e-3, SILENT),
+        Plan("wave", (1,), 4e-3),
     ),
     "reported": (
-        Plan("corner", 1, 1e-3, True),
-        Plan("ridge", 2, 4e-3, True),
-        Plan("ring", 5, 1e-2, False),
-        Plan("history", 1, 3e-3, False),
-        Plan("cone", 2, 2e-3, True),
-        Plan("tail", 1, 1e-3, True),
+        Plan("corner", (1,), 1e-3),
+        Plan("ridge", (1, 1), 4e-3),
+        Plan("ring", (1,) * 5, 1e-2, SILENT),
+        Plan("history", (1,), 3e-3, SILENT),
+        Plan("cone", (1, 1), 2e-3),
+        Plan("tail", (1,), 1e-3),
+        Plan("corner", (1,), 4e-3, GRADIENT, CAREFUL),
+        Plan("cone", (1,), 4e-3, DECEPTIVE),
+        Plan("corner", (10, 1), 1.1e-2, SILENT),
+        Plan("cone", (1, 1), 8e-3),
+        Plan("grains", (1,), 5e-3, SILENT),
+        Plan("arc", (1,), 4e-3),
     ),
 }
 """Plans of each generator"""
-FIRST_SEED = {"development": 1000, "reported": 9100}
-MARKS = (100, 300, 1000)
+FIRST_SEED = {"development": 1000, "reported": 9400}
+MARKS = (100, 300, 600, 1000)
 """Numbers of runs after which a search is judged"""
 WITHIN = (0.05, 0.1)
 """Distances within which a failing draw counts as recalled by a found failure"""
@@ -76,15 +99,14 @@ OURS = "cover"
 
 
 class Found(NamedTuple):
-    """Result of a search after a number of runs.
+    """Result of a search after a number of runs, those of judges included.
 
     Attributes:
-        regions: share of the planted regions with a run that fails there.
-        near, far: share of failing draws of the density within 5 and 10 % of a found failure.
-        first: number of the first run that fails in a region; one more than the runs where none
-            does.
+        regions: share of the planted regions with a preventable failure found there.
+        near, far: share of preventable failing draws of the density within 5 and 10 % of one.
+        first: number of the first run that fails so; one more than the runs where none does.
         strange: share of the failing runs that are not foreseeable.
-        own: share of the failing runs that lie in no region: failures of the base.
+        own: share of the failing runs that lie in no region, or that no judge prevents.
     """
 
     regions: float
@@ -128,13 +150,14 @@ class Result(NamedTuple):
 
 
 def judged(planted: Planted, problem: SearchProblem, pool: Pool, history: History) -> Found:
-    """Judge a search by the failing draws of the pool; failures of the base outside the regions are counted apart."""
+    """Judge a search by the failing draws of the pool; failures of the base are counted apart."""
     failing = np.flatnonzero(history.outcomes.collision & history.outcomes.executed)
     theta = history.theta[failing]
     held = np.zeros((len(planted.regions), len(failing)), bool)
     if failing.size:
         undriven = planted.plays(theta, UNDRIVEN)
         held = planted.within(theta, undriven) & undriven.collision
+        held &= survivors(theta, planted.plays)
     within, hit = failing[held.any(axis=0)], held.any(axis=1)
     assert problem.prior is not None
     strange = 1.0 - float(problem.prior.foreseeable(theta).mean()) if failing.size else 0.0
@@ -245,24 +268,46 @@ class Benchmark(NamedTuple):
             self._work(each, name, seed) for each, (_, name) in zip(systems, group, strict=True)
         ]
         found = together(works, self.plays)
-        for each, (plan, name), (history, seconds) in zip(systems, group, found, strict=True):
+        for each, (plan, name), (history, spent, seconds) in zip(
+            systems, group, found, strict=True
+        ):
             for mark in self.marks:
-                part = History(*history.first(mark))
+                part = History(*history.first(int((spent <= mark).sum())))
                 yield {
                     "plan": str(plan), "method": name, "seed": seed, "runs": mark, "seconds": seconds,
                     "found": judged(each, self.problem, self.pool, part), "stated": stated(each, self.problem, self.pool, part),
                 }  # fmt: skip
 
-    def _work(self, planted: Planted, name: str, seed: int) -> Work[tuple[History, float]]:
-        def work(plays: Plays) -> tuple[History, float]:
-            system = replace(planted, plays=plays)
+    def _work(
+        self, planted: Planted, name: str, seed: int
+    ) -> Work[tuple[History, IntArray, float]]:
+        def work(plays: Plays) -> tuple[History, IntArray, float]:
+            system, charged, spent = replace(planted, plays=plays), 0, list[int]()
+
+            def evaluate(theta: FloatArray) -> Outcomes:
+                nonlocal charged
+                spent.extend(range(charged + 1, charged + len(theta) + 1))
+                charged += len(theta)
+                return system(theta)
+
+            def drivers(theta: FloatArray, sut: str) -> Outcomes:
+                nonlocal charged
+                charged += len(theta)
+                return plays(theta, sut)
 
             def own(theta: FloatArray, sut: str | None = None) -> Outcomes:
                 return system(theta) if sut is None else plays(theta, sut)
 
-            posed = replace(self.problem, evaluate=system, plays=own if name == PLAYED else None)
+            judging = Judging(self.problem.space, drivers)
+            posed = replace(
+                self.problem,
+                evaluate=evaluate,
+                plays=own if name == PLAYED else None,
+                judging=judging,
+            )
             start = time.thread_time()
-            return ROWS[name](posed, self.budget, seed), time.thread_time() - start
+            history = ROWS[name](posed, self.budget, seed)
+            return history, np.array(spent), time.thread_time() - start
 
         return work
 

@@ -9,8 +9,9 @@ import pytest
 
 from generation.loop.findings import CarefulDriver, CaseVerdict, EdgeCase
 from generation.loop.searches import regions_of
-from generation.report.counterexamples import FailureRegion, Measure, grouped, regions, varying
+from generation.report.counterexamples import FailureRegion, Measure, regions, varying
 from generation.search.outcomes import Episodes, Outcomes
+from generation.space.space import grouped
 from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
 
 GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))

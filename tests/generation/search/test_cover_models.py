@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.search.methods.cover import (
+from generation.search.methods.models import (
     _FITTED,
     _MOST,
     Forest,

@@ -20,6 +20,7 @@ from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
 from studies.generation.planted.designs import cells, maximin, sobol, stratified
+from studies.generation.planted.shapes import DEVELOPMENT, REPORTED, SHAPES
 from studies.generation.planted.study import (
     OURS,
     PLANS,
@@ -34,9 +35,10 @@ from studies.generation.planted.study import (
     table,
 )
 from studies.generation.planted.systems import (
-    DEVELOPMENT,
-    REPORTED,
-    SHAPES,
+    CAREFUL,
+    DECEPTIVE,
+    GRADIENT,
+    SILENT,
     UNDRIVEN,
     Plan,
     Pool,
@@ -74,15 +76,15 @@ def test_development_and_reported_shapes_are_apart() -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("gradient", [False, True])
+@pytest.mark.parametrize("margin", [GRADIENT, SILENT])
 def test_regions_have_their_probability_and_nothing_fails_outside(
-    shape: str, gradient: bool, posed: SearchProblem, pool: Pool
+    shape: str, margin: str, posed: SearchProblem, pool: Pool
 ) -> None:
     assert posed.prior is not None and posed.plays is not None
-    planted = plant(Plan(shape, 2, 0.02, gradient), SPACE, posed.prior, posed.plays, pool, 3)
+    planted = plant(Plan(shape, (1, 1), 0.02, margin), SPACE, posed.prior, posed.plays, pool, 3)
     inside = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     failing = np.asarray(inside.any(axis=0), bool)
-    assert inside.sum(axis=1) == pytest.approx([30, 30], abs=4)
+    assert (inside & pool.preventable).sum(axis=1) == pytest.approx([30, 30], abs=4)
     rows = np.concatenate(
         [
             np.flatnonzero(failing)[:20],
@@ -93,14 +95,14 @@ def test_regions_have_their_probability_and_nothing_fails_outside(
     found = planted(pool.theta[rows])
     np.testing.assert_array_equal(found.collision, failing[rows])
     passed = ~found.collision
-    assert bool(np.any(found.max_drac[passed] > 4.0)) == gradient, (
+    assert bool(np.any(found.max_drac[passed] > 4.0)) == (margin == GRADIENT), (
         "it gets worse only where there is a gradient"
     )
 
 
 def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.plays is not None
-    planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.plays, pool, 3)
+    planted = plant(Plan("box", (1, 1), 0.04, SILENT), SPACE, posed.prior, posed.plays, pool, 3)
     own = replace(posed, evaluate=planted)
     nothing = draws(
         replace(
@@ -111,7 +113,7 @@ def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Po
         0,
     )
     assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0, 0.0)
-    held = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
+    held = planted.within(pool.theta, pool.undriven) & pool.undriven.collision & pool.preventable
     first = pool.theta[held[0]]
     one = judged(planted, own, pool, History(first, planted(first), np.zeros(len(first))))
     assert one.regions >= 0.5 and 0.4 <= one.near <= one.far <= 1.0 and one.first == 1
@@ -128,7 +130,9 @@ def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(
     posed: SearchProblem, pool: Pool
 ) -> None:
     assert posed.prior is not None and posed.plays is not None
-    planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.plays, pool, 3)
+    planted = plant(
+        Plan("box", (1,), 0.02, SILENT, "fsm"), SPACE, posed.prior, posed.plays, pool, 3
+    )
     rows = pool.hits[:60]
     held = planted.within(pool.theta[rows], pool.undriven.take(rows))[0]
     found, base = planted(pool.theta[rows]), posed.plays(pool.theta[rows], "fsm")
@@ -136,9 +140,51 @@ def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(
     np.testing.assert_array_equal(found.clearance[~held], base.clearance[~held])
 
 
+def test_margins_deceive_near_regions_and_near_others_that_never_fail(
+    posed: SearchProblem, pool: Pool
+) -> None:
+    assert posed.prior is not None and posed.plays is not None
+    plans = [Plan("box", (3, 1), 0.04, margin) for margin in (DECEPTIVE, SILENT)]
+    planted, plain = (plant(each, SPACE, posed.prior, posed.plays, pool, 3) for each in plans)
+    rows = pool.hits
+    of = pool.theta[rows], pool.undriven.take(rows)
+    found, usual = planted(of[0]), plain(of[0])
+    np.testing.assert_array_equal(found.collision, usual.collision)
+    real, decoy = (
+        np.max([each.nearness(*of) for each in those], axis=0)
+        for those in (planted.regions, planted.decoys)
+    )
+    better = (real > 0.5) & (decoy == 0.0) & ~found.collision
+    worse = (decoy > 0.5) & (real == 0.0) & ~found.collision
+    assert better.any() and (found.clearance[better] > usual.clearance[better]).all()
+    assert worse.any() and (found.clearance[worse] < usual.clearance[worse]).all()
+    sizes = [each.holds(*of).sum() for each in planted.regions]
+    assert sizes[0] == pytest.approx(3 * sizes[1], abs=4), "regions are of unlike size"
+
+
+def test_a_careful_base_fails_where_no_judge_survives(posed: SearchProblem, pool: Pool) -> None:
+    assert posed.prior is not None and posed.plays is not None
+    plan = Plan("box", (1,), 0.02, SILENT, CAREFUL)
+    planted = plant(plan, SPACE, posed.prior, posed.plays, pool, 3)
+    rows = np.flatnonzero(pool.undriven.collision)
+    held = planted.within(pool.theta[rows], pool.undriven.take(rows))[0]
+    lost = ~pool.preventable[rows]
+    assert lost.any()
+    np.testing.assert_array_equal(planted(pool.theta[rows]).collision, held | lost)
+    found = judged(
+        planted,
+        posed,
+        pool,
+        History(pool.theta[rows[lost]], pool.undriven.take(rows[lost]), np.zeros(lost.sum())),
+    )
+    assert (found.regions, found.own) == (0.0, 1.0), "failures that nothing prevents are the base's"
+
+
 def test_failures_of_the_base_are_counted_apart(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.plays is not None
-    planted = plant(Plan("box", 1, 0.02, False, UNDRIVEN), SPACE, posed.prior, posed.plays, pool, 3)
+    planted = plant(
+        Plan("box", (1,), 0.02, SILENT, UNDRIVEN), SPACE, posed.prior, posed.plays, pool, 3
+    )
     theta = pool.theta[pool.hits[:60]]
     held = planted.within(theta, pool.undriven.take(pool.hits[:60]))[0]
     found = judged(planted, posed, pool, History(theta, planted(theta), np.zeros(60)))
@@ -167,7 +213,7 @@ def test_rows_spend_their_budget_on_what_traffic_does(
     method: Search, posed: SearchProblem, pool: Pool
 ) -> None:
     assert posed.prior is not None and posed.plays is not None
-    planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.plays, pool, 3)
+    planted = plant(Plan("box", (1,), 0.04), SPACE, posed.prior, posed.plays, pool, 3)
     own = replace(posed, evaluate=planted, plays=None)
     one, other = method(own, 130, 4), method(own, 130, 4)
     np.testing.assert_array_equal(one.theta, other.theta)
@@ -178,11 +224,11 @@ def test_rows_spend_their_budget_on_what_traffic_does(
 
 def test_searches_in_lockstep_find_what_each_finds_alone(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.plays is not None
-    plan, calls = Plan("box", 1, 0.04, True), list[int]()
+    plan, calls = Plan("box", (1,), 0.04), list[int]()
 
     def counting(theta: np.ndarray, sut: str | None = None) -> Outcomes:
         calls.append(len(theta))
-        assert posed.plays is not None and sut == UNDRIVEN
+        assert posed.plays is not None and sut == UNDRIVEN, "draws judge nothing"
         return posed.plays(theta, sut)
 
     planted = plant(plan, SPACE, posed.prior, posed.plays, pool, 3)
@@ -213,7 +259,7 @@ def test_an_error_in_lockstep_is_the_callers(posed: SearchProblem) -> None:
 
 def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_path: Path) -> None:
     assert posed.plays is not None
-    benchmark = Benchmark(posed, posed.plays, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
+    benchmark = Benchmark(posed, posed.plays, pool, [Plan("box", (1,), 0.04)], 3, ["draws"], 120)
     found = list(benchmark.results(1, Records(tmp_path / "a.jsonl")))
     assert [each.runs for each in found] == [100, 120]
     before = (tmp_path / "a.jsonl").read_bytes()
@@ -224,7 +270,7 @@ def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_p
 def test_a_pool_that_is_too_small_is_refused(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.plays is not None
     with pytest.raises(ValueError, match="10 are needed"):
-        plant(Plan("box", 1, 1e-4, False), SPACE, posed.prior, posed.plays, pool, 0)
+        plant(Plan("box", (1,), 1e-4, SILENT), SPACE, posed.prior, posed.plays, pool, 0)
 
 
 def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
