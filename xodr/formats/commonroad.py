@@ -19,7 +19,14 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
 from xodr.formats.lanelet2 import LaneletNeighbour
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, resampled
+from xodr.formats.maps.lane_map import (
+    LaneMap,
+    MapCrosswalk,
+    MapLane,
+    MapSignal,
+    resampled,
+    sides_of,
+)
 from xodr.formats.maps.projecting import Projector
 
 _GREATEST = 1e9
@@ -189,6 +196,9 @@ LINE_MARKINGS = {
 _MARKS_OF = {there: here for here, there in LINE_MARKINGS.items()}
 
 
+_CROSSWALK = "crosswalk"
+
+
 def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     """The content of a file without scenario, and what is changed."""
     attributes = {
@@ -212,6 +222,9 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
             held.setdefault(name, []).append(numbers[id(signal)])
     for lane in lane_map.lanes.values():
         root.append(_lanelet_element(lane, ids, signs, held.get(lane.id, [])))
+    taken = len(ids) + len(signs) + len(lights)
+    for number_of, area in enumerate(lane_map.crosswalks, taken + 1):
+        root.append(_crosswalk(str(number_of), area))
     for limit in limits:
         first = next(lane for lane in lane_map.lanes.values() if lane.limit == limit)
         root.append(_limit_sign(signs[limit], limit, first))
@@ -290,6 +303,18 @@ def _lanelet_element(
     return element
 
 
+def _crosswalk(number: str, area: MapCrosswalk) -> etree._Element:
+    element = etree.Element("lanelet", id=number)
+    sides = sides_of(area.outline)
+    count = max(map(len, sides))
+    for tag, line in zip(("leftBound", "rightBound"), sides, strict=True):
+        even = line if len(line) == count else resampled(line, count)
+        bound = etree.SubElement(element, tag)
+        bound.extend(_point(place, bool(np.any(area.outline[:, 2]))) for place in even.tolist())
+    etree.SubElement(element, "laneletType").text = "crosswalk"
+    return element
+
+
 def _limit_sign(number: str, limit: float, lane: MapLane) -> etree._Element:
     sign = etree.Element("trafficSign", id=number)
     element = etree.SubElement(sign, "trafficSignElement")
@@ -317,9 +342,10 @@ def read(path: Path) -> LaneMap:
     root = parse(path).getroot()
     if root.tag != "commonRoad":
         raise invalid(root, "the root element of a CommonRoad file is commonRoad")
-    found = lanelets(root)
-    if not found:
+    everything = lanelets(root)
+    if not everything:
         raise invalid(root, "there is no lanelet")
+    found = [one for one in everything if _CROSSWALK not in one.types] or everything
     elements = {element.get("id") or "": element for element in root.iterchildren("lanelet")}
     lanes = {one.id: _map_lane(one, elements[one.id]) for one in found}
     for one in found:
@@ -354,7 +380,18 @@ def read(path: Path) -> LaneMap:
             numbers = [number(more, tag) for tag in ("xTranslation", "yTranslation", "zRotation")]
     offset = (numbers[0], numbers[1], 0.0, numbers[2])
     notes = [] if projection else ["the map says nothing of its projection"]
-    return LaneMap(path.stem, lanes, lights, projection or None, offset, notes=notes)
+    areas = [_area(one, elements[one.id]) for one in everything if one.id not in lanes]
+    return LaneMap(
+        path.stem, lanes, lights, projection or None, offset, notes=notes, crosswalks=areas
+    )
+
+
+def _area(one: CommonRoadLanelet, element: etree._Element) -> MapCrosswalk:
+    left, right = (
+        _with_heights(line, element, tag)
+        for line, tag in ((one.left, "leftBound"), (one.right, "rightBound"))
+    )
+    return MapCrosswalk(one.id, np.vstack([left, right[::-1]]))
 
 
 def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:

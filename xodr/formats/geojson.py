@@ -17,7 +17,7 @@ import numpy as np
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_bytes
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.lane_map import LaneMap, MapCrosswalk, MapLane, MapSignal
 from xodr.formats.maps.projecting import Projector
 
 _DEGREES, _METRES = 10, 4
@@ -40,6 +40,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     about = {
         "name": lane_map.name, "coordinates": "WGS 84" if projector is not None else "metres of the map",
         "projection": lane_map.projection, "offset": list(lane_map.offset), "left_hand": lane_map.left_hand,
+        "priorities": [list(pair) for pair in lane_map.priorities],
     }  # fmt: skip
     content = {"type": "FeatureCollection", "properties": about, "features": features}
     notes = (
@@ -72,6 +73,9 @@ def _features(
                 {"kind": "border", "lane": lane.id, "side": side, "mark": mark, "color": color, "width": width},
             )  # fmt: skip
         yield _feature("LineString", placed(lane.centre), {"kind": "centre", "lane": lane.id})
+    for area in lane_map.crosswalks:
+        ring = placed(area.outline)
+        yield _feature("Polygon", [[*ring, ring[0]]], {"kind": "crosswalk", "id": area.id})
     for signal in lane_map.signals:
         (place,) = placed(np.array([signal.place]))
         about = {
@@ -100,6 +104,7 @@ def read(path: Path) -> LaneMap:
         about = content["properties"]
         offset = tuple(float(part) for part in about["offset"])
         made = LaneMap(about["name"], {}, [], about["projection"], offset, about["left_hand"])  # type: ignore[arg-type]
+        made.priorities = [(str(high), str(low)) for high, low in about.get("priorities", [])]
         projector = Projector.of(made) if about["coordinates"] == "WGS 84" else None
         for feature in content["features"]:
             _take(feature["properties"], feature["geometry"]["coordinates"], made, projector)
@@ -131,6 +136,10 @@ def _take(
             lane.left, lane.marks = there, (mark, lane.marks[1])
         else:
             lane.right, lane.marks = there, (lane.marks[0], mark)
+    elif about["kind"] == "crosswalk":
+        line = np.array(coordinates[0][:-1], dtype=float)
+        area = projector.to_map(line) if projector is not None else line
+        made.crosswalks.append(MapCrosswalk(about["id"], area))
     elif about["kind"] in ("light", "sign"):
         line = np.array([coordinates], dtype=float)
         x, y, z = (projector.to_map(line) if projector is not None else line)[0].tolist()

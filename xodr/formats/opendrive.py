@@ -18,7 +18,9 @@ from shapely import LineString
 from schemas.common.array_types import FloatArray
 from xodr.builders.elements import Geo, LaneDesign, RoadDesign
 from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
+from xodr.formats.lanelet2.conversion import with_crosswalks
 from xodr.formats.lanelet2.lanelet import joined, places
+from xodr.formats.lanelet2.reader import Crosswalk
 from xodr.formats.maps.lane_map import LaneMap, MapLane, heights_on, resampled
 from xodr.model.geometry import Cubic, Profile
 
@@ -61,7 +63,8 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     if lane_map.projection is not None:
         x, y, z, heading = lane_map.offset
         geo = Geo(lane_map.projection, (x, y), z, heading)
-    built = build(lanelets, lane_map.name, geo, tolerance=_TOLERANCE)
+    ranks = [pair for pair in lane_map.priorities if pair[0] in lanes and pair[1] in lanes]
+    built = build(lanelets, lane_map.name, geo, ranks, tolerance=_TOLERANCE)
     signs = sum(signal.kind == "sign" for signal in lane_map.signals)
     if signs:
         notes.append(f"{signs} signs are left out, but for speed limits of lanes")
@@ -71,6 +74,8 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     )  # fmt: skip
     if highest > _LEVEL:
         made = replace(made, roads=tuple(_raised(built, lanes)))
+    areas = [Crosswalk(area.id, area.outline[:, :2]) for area in lane_map.crosswalks]
+    made = replace(made, roads=with_crosswalks(made.roads, areas))
     if lane_map.left_hand:
         notes.append("traffic keeps to the left: roads are one-way, so the rule says right")
     return made.to_xml(), [*notes, *built.notes]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 import xodr
 from schemas.common import fates
@@ -37,11 +38,19 @@ ENDINGS = {
 }  # fmt: skip
 
 
+CROSSWALKS = """<object id="10" type="crosswalk" s="80" t="0" zOffset="0" hdg="0.1" length="3" width="8"/>
+<object id="11" type="crosswalk" s="40" t="0" zOffset="0"><outlines><outline id="0">
+<cornerRoad s="40" t="-6" dz="0" height="0" id="0"/><cornerRoad s="43" t="-6" dz="0" height="0" id="1"/>
+<cornerRoad s="43" t="0" dz="0" height="0" id="2"/><cornerRoad s="43.5" t="4" dz="0" height="0" id="3"/>
+<cornerRoad s="40" t="4" dz="0" height="0" id="4"/></outline></outlines></object>"""
+"""A rectangle, and an area with a corner in one of its long sides"""
+
+
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two linked roads on a projection, with heights, kerbs, limits, a sign and a light."""
+    """Two linked roads on a projection, with heights, kerbs, limits, a sign, a light and two crosswalks."""
     path = tmp_path_factory.mktemp("map") / "source.xodr"
-    path.write_text(road(), encoding="utf-8")
+    path.write_text(road().replace("</objects>", f"{CROSSWALKS}</objects>"), encoding="utf-8")
     return path
 
 
@@ -167,6 +176,16 @@ def kinds(made: LaneMap) -> list[str]:
     return sorted(lane.type for lane in made.lanes.values())
 
 
+def same_areas(made: maps.MapConversion) -> bool:
+    ours, theirs = (
+        [shapely.Polygon(area.outline[:, :2]) for area in one.crosswalks]
+        for one in (made.source, made.result)
+    )
+    pairs = zip(ours, theirs, strict=True)
+    close = all(a.symmetric_difference(b).area < 0.01 * a.area for a, b in pairs)
+    return len(ours) == 2 and min(area.area for area in ours) > 20.0 and close
+
+
 CHECKS: dict[str, Callable[[maps.MapConversion], bool]] = {
     "lane borders": lambda made: made.difference.borders.largest < 0.05,
     "centre lines": lambda made: made.difference.centres.largest < 0.05,
@@ -182,6 +201,8 @@ CHECKS: dict[str, Callable[[maps.MapConversion], bool]] = {
     "neighbours": lambda made: sum(each.beside[1] is not None for each in made.result.lanes.values())
     >= 4,
     "junctions": lambda made: True,
+    "junction priorities": lambda made: True,  # see the test of theirs
+    "crosswalks": same_areas,
     "traffic lights": lambda made: sum(each.kind == "light" for each in made.result.signals) == 1,
     "signs": lambda made: [each.value for each in made.result.signals if each.kind == "sign"]
     == [50.0],
@@ -210,6 +231,26 @@ def test_opendrive_keeps_what_it_says_of_a_lane_map(source: Path, tmp_path: Path
     made = maps.convert(between.path, tmp_path / "map.xodr")
     kept = [field for field, fate in FATES["opendrive"].items() if fate.outcome == fates.KEPT]
     assert [field for field in kept if not CHECKS[field](made)] == []
+
+
+@pytest.mark.parametrize("between", ["lanelet2", "geojson"])
+def test_the_right_of_way_is_that_of_the_source(between: str, tmp_path: Path) -> None:
+    source = LIBRARY / "t_junction_two_lanes.xodr"
+    there = maps.convert(source, tmp_path / ENDINGS[between])
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    ranks = [
+        {(places(made, high), places(made, low)) for high, low in made.priorities}
+        for made in (there.source, there.result, back.result)
+    ]
+    assert len(ranks[0]) == 12
+    assert ranks[0] == ranks[1]
+    assert ranks[0] <= ranks[2]  # roads of two lanes are ranked with both
+
+
+def places(made: LaneMap, name: str) -> tuple[float, ...]:
+    """Middles of the ends of a lane, rounded to metres."""
+    centre = made.lanes[name].centre
+    return tuple(np.round(centre[[0, -1], :2].ravel()).tolist())
 
 
 # files ------------------------------------------------------------------------------------------

@@ -23,7 +23,14 @@ from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import completed
 from xodr.formats.lanelet2.reader import read_lanelets
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on
+from xodr.formats.maps.lane_map import (
+    LaneMap,
+    MapCrosswalk,
+    MapLane,
+    MapSignal,
+    heights_on,
+    sides_of,
+)
 from xodr.formats.maps.projecting import Projector
 
 _NEAR = 0.02
@@ -47,6 +54,12 @@ _SUBTYPES = {
 """Subtype of lanelets and their participant by lane type; others are roads or highways."""
 _LEFT_OUT = {"none", "border", "median", "curb", "restricted", "parking"}
 """Lane types that are no lanelets"""
+_SIDES = ("left", "right")
+_WALK = {"type": "pedestrian_marking"}
+_CROSSWALK_TAGS = {
+    "type": "lanelet", "subtype": "crosswalk", "location": "urban", "one_way": "no", "participant:pedestrian": "yes",
+}  # fmt: skip
+_RANK = {"type": "regulatory_element", "subtype": "right_of_way"}
 _URBAN = {"motorway": "nonurban", "rural": "nonurban"}
 
 
@@ -93,6 +106,17 @@ class _Writer:
             self._tags[found] = tags
         return found
 
+    def relation(
+        self, number: int, members: Iterable[tuple[str, int, str]], tags: dict[str, str]
+    ) -> None:
+        """Write a relation with members (type, number, role)."""
+        relation = etree.SubElement(
+            self.root, "relation", id=str(number), visible="true", version="1"
+        )
+        for kind, ref, role in members:
+            etree.SubElement(relation, "member", type=kind, ref=str(ref), role=role)
+        _add_tags(relation, tags)
+
     def ways(self) -> Iterable[tuple[int, tuple[int, ...], dict[str, str]]]:
         """All ways with their numbers, nodes and tags."""
         return ((number, nodes, self._tags[number]) for nodes, number in self._ways.items())
@@ -125,6 +149,14 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         if signal.kind == "light" and any(name in bounds for name in signal.lanes)
     ]
     rules = _lights(writer, lights, lanes, bounds)
+    walks = [
+        [writer.way(writer.line(side), _WALK) for side in sides_of(area.outline)]
+        for area in lane_map.crosswalks
+    ]
+    ranks: dict[str, list[str]] = {}
+    for high, low in lane_map.priorities:
+        if high in bounds and low in bounds:
+            ranks.setdefault(high, []).append(low)
     _write_nodes(writer, lane_map)
     offset = len(writer.nodes) + 1
     for number, nodes, tags in writer.ways():
@@ -137,33 +169,25 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     first = offset + len(writer._ways)
     ids = {name: first + number for number, name in enumerate(bounds)}
     rule_ids = {signal.id: first + len(ids) + number for number, signal in enumerate(lights)}
+    rank_ids = {high: first + len(ids) + len(lights) + number for number, high in enumerate(ranks)}
     for name, (left_way, right_way) in bounds.items():
-        relation = etree.SubElement(
-            writer.root, "relation", id=str(ids[name]), visible="true", version="1"
-        )
-        for way_number, role in ((left_way, "left"), (right_way, "right")):
-            etree.SubElement(
-                relation, "member", type="way", ref=str(offset + way_number), role=role
-            )
-        for signal in lights:
-            if name in signal.lanes:
-                etree.SubElement(
-                    relation,
-                    "member",
-                    type="relation",
-                    ref=str(rule_ids[signal.id]),
-                    role="regulatory_element",
-                )
-        _add_tags(relation, _lane_tags(lanes[name], name))
+        members = [("way", offset + left_way, "left"), ("way", offset + right_way, "right")]
+        held = [rule_ids[signal.id] for signal in lights if name in signal.lanes]
+        ranked = [rank_ids[high] for high, lows in ranks.items() if name == high or name in lows]
+        members += [("relation", number, "regulatory_element") for number in (*held, *ranked)]
+        writer.relation(ids[name], members, _lane_tags(lanes[name], name))
     for signal, (bulb, stop) in zip(lights, rules, strict=True):
-        relation = etree.SubElement(
-            writer.root, "relation", id=str(rule_ids[signal.id]), visible="true", version="1"
-        )
-        etree.SubElement(relation, "member", type="way", ref=str(offset + bulb), role="refers")
-        etree.SubElement(relation, "member", type="way", ref=str(offset + stop), role="ref_line")
-        _add_tags(
-            relation, {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
-        )
+        members = [("way", offset + bulb, "refers"), ("way", offset + stop, "ref_line")]
+        tags = {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
+        writer.relation(rule_ids[signal.id], members, tags)
+    for high, lows in ranks.items():
+        members = [("relation", ids[high], "right_of_way")]
+        members += [("relation", ids[low], "yield") for low in lows]
+        writer.relation(rank_ids[high], members, _RANK)
+    last = first + len(ids) + len(lights) + len(ranks)
+    for number, (area, sides) in enumerate(zip(lane_map.crosswalks, walks, strict=True), last):
+        members = [("way", offset + way, role) for way, role in zip(sides, _SIDES, strict=True)]
+        writer.relation(number, members, {**_CROSSWALK_TAGS, "name": area.id})
     signs = sum(signal.kind == "sign" for signal in lane_map.signals)
     if signs:
         notes.append(f"{signs} signs are left out, but for speed limits of lanes")
@@ -339,7 +363,19 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
     projection, offset = _own_projection(path) if origin is None else (None, (0.0, 0.0, 0.0, 0.0))
     if projection is None and found.geo is not None:
         projection, offset = found.geo.projection, (*found.geo.origin, 0.0, 0.0)
-    return LaneMap(path.stem, made, signals, projection, offset, notes=[*found.notes, *added])
+    areas = [
+        MapCrosswalk(area.id, np.column_stack([area.outline, _heights_beside(area.outline, made)]))
+        for area in found.crosswalks
+    ]
+    return LaneMap(
+        path.stem, made, signals, projection, offset, notes=[*found.notes, *added],
+        crosswalks=areas, priorities=found.priorities,
+    )  # fmt: skip
+
+
+def _heights_beside(points: FloatArray, lanes: Mapping[str, MapLane]) -> FloatArray:
+    """Heights (n,) of the lanes nearest to points (n, 2), m: the outlines of crosswalks have none."""
+    return heights_on(points, [lane.left for lane in lanes.values()])
 
 
 def _own_projection(path: Path) -> tuple[str | None, tuple[float, float, float, float]]:

@@ -6,9 +6,13 @@ All formats are read into a `LaneMap` and written from one (OpenDRIVE is written
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -17,6 +21,8 @@ from schemas.common.array_types import FloatArray
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import Points
 from xodr.lookup.lanelets import Key, Paint, lanelets
+from xodr.model import RoadObject
+from xodr.model.road import Road
 
 UNPAINTED: Paint = ("none", "standard", None)
 """A border without a mark."""
@@ -86,6 +92,13 @@ class MapSignal:
         self.type, self.subtype, self.country, self.value, self.unit = what
 
 
+class MapCrosswalk(NamedTuple):
+    """A crosswalk: its id in the map, and the corners of its area in their order, (n, 3), m."""
+
+    id: str
+    outline: Points
+
+
 @dataclass(eq=False)
 class LaneMap:
     """A map.
@@ -99,6 +112,8 @@ class LaneMap:
             OpenDRIVE's header.
         left_hand: whether traffic keeps to the left.
         notes: what was assumed or left out when it was read, one sentence each.
+        crosswalks: areas where pedestrians cross.
+        priorities: pairs of lanes of which the first has the right of way over the second.
     """
 
     name: str
@@ -108,6 +123,8 @@ class LaneMap:
     offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     left_hand: bool = False
     notes: list[str] = field(default_factory=list)
+    crosswalks: list[MapCrosswalk] = field(default_factory=list)
+    priorities: list[tuple[str, str]] = field(default_factory=list)
 
 
 def name_of(key: Key) -> str:
@@ -135,7 +152,46 @@ def of_network(network: RoadNetwork) -> LaneMap:
         network.geo_reference,
         network.header.offset,
         left_hand,
+        crosswalks=[
+            MapCrosswalk(f"{road.id}/{item.id}", outline_of(road, item))
+            for road in network.roads.values()
+            for item in road.objects
+            if item.type == "crosswalk"
+        ],
+        priorities=_priorities(network, found),
     )
+
+
+def outline_of(road: Road, item: RoadObject) -> Points:
+    """The corners of an object of a road, (n, 3), m: its first outline, or else its rectangle."""
+    heading = road.pose(item.s, item.t).h + item.heading
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y, z = road.pose(item.s, item.t)[:3]
+    corners = [
+        (corner.u, corner.v, corner.z, corner.on_road) for corner in (item.outlines or [()])[0]
+    ]
+    if not corners:
+        along, across = 0.5 * (item.length or 0.0), 0.5 * (item.width or 0.0)
+        signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+        corners = [(i * along, j * across, 0.0, False) for i, j in signs]
+    found = []
+    for u, v, height, on_road in corners:
+        if on_road:
+            pose = road.pose(u, v)
+            found.append((pose.x, pose.y, pose.z + height))
+        else:
+            found.append((x + cos * u - sin * v, y + sin * u + cos * v, z + item.z_offset + height))
+    return np.array(found)
+
+
+def _priorities(network: RoadNetwork, lanes: dict[str, MapLane]) -> list[tuple[str, str]]:
+    """The pairs of lanes that lead on of each two roads that a junction ranks."""
+    on: dict[str, list[str]] = defaultdict(list)
+    for name, lane in lanes.items():
+        if lane.type != "none" and lane.successors:
+            on[name.split("/")[0]].append(name)
+    pairs = (pair for junction in network.junctions.values() for pair in junction.priorities)
+    return [pair for high, low in pairs for pair in product(on[high], on[low])]
 
 
 def _named(beside: tuple[Key, bool] | None) -> tuple[str, bool] | None:
@@ -153,6 +209,42 @@ def _signals(network: RoadNetwork) -> list[MapSignal]:
         )
         for place in signal_places(network)
     ]  # fmt: skip
+
+
+# areas -------------------------------------------------------------------------------------------
+
+
+def sides_of(outline: Points) -> tuple[Points, Points]:
+    """The left and the right long side of an area, (n, 3) and (m, 3), m, in one direction.
+
+    They lie between the corners that are nearest to those of the smallest rectangle around it.
+    """
+    rectangle = shapely.get_coordinates(shapely.oriented_envelope(shapely.Polygon(outline[:, :2])))[
+        :4
+    ]
+    if math.dist(rectangle[0], rectangle[1]) < math.dist(rectangle[1], rectangle[2]):
+        rectangle = np.roll(rectangle, -1, axis=0)
+    nearest = [int(np.argmin(np.hypot(*(outline[:, :2] - corner).T))) for corner in rectangle]
+    if len(set(nearest)) < 4:
+        heights = heights_on(rectangle, [outline])
+        corners = np.column_stack([rectangle, heights])
+        sides = corners[[0, 1]], corners[[3, 2]]
+    else:
+        sides = (
+            _chain(outline, nearest[0], nearest[1], nearest[2]),
+            _chain(outline, nearest[3], nearest[2], nearest[0]),
+        )
+    one, other = sides
+    ahead, across = (one[-1] - one[0])[:2], (other[0] - one[0])[:2]
+    return (one, other) if ahead[0] * across[1] < ahead[1] * across[0] else (other, one)
+
+
+def _chain(outline: Points, start: int, end: int, avoided: int) -> Points:
+    """Corners from one to another, the way round that does not pass a third."""
+    count = len(outline)
+    forward = [(start + step) % count for step in range((end - start) % count + 1)]
+    backward = [(start - step) % count for step in range((start - end) % count + 1)]
+    return outline[backward if avoided in forward else forward]
 
 
 # lines -------------------------------------------------------------------------------------------
