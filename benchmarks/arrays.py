@@ -42,7 +42,8 @@ _MOST_LISTED = 100_000
 
 
 def drawn(path: Path, count: int, seed: int) -> list[dict[str, str]]:
-    """Parameter sets within the limits that a scenario declares; its defaults alone where it declares none."""
+    """Parameter sets within the limits that a scenario declares; its defaults alone where it
+    declares none."""
     try:
         space = Space.of(path)
     except ToolchainError:
@@ -68,7 +69,8 @@ def scenario_of(path: Path, count: int, seed: int) -> tuple[Path, list[dict[str,
 def played(
     path: Path, sets: Sequence[Mapping[str, str]], settings: RunSettings
 ) -> dict[int, tuple[BatchOutcomes, int]]:
-    """Outcomes in arrays of the sets that have one, and their places there, by the numbers of the sets."""
+    """Outcomes in arrays of the sets that have one, and their places there, by the numbers of the
+    sets."""
     found = {}
     for structure in structures(path, sets, settings):
         for block in play(structure, settings):

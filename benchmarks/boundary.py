@@ -1,4 +1,5 @@
-"""Cost of a step with a class of the user in a process of its own, against the same class in the process of the run.
+"""Cost of a step with a class of the user in a process of its own, against the same class in the
+process of the run.
 
     python -m benchmarks.boundary [--steps N] [--rounds N]
 

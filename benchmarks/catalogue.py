@@ -213,7 +213,8 @@ def _timed(
 
 
 def compare(folder: Path, scratch: Path) -> None:
-    """Print how much faster measuring and trajectories are than the plain ways, on scenes of the recording."""
+    """Print how much faster measuring and trajectories are than the plain ways, on scenes of the
+    recording."""
     (source, *_) = datasets.open(folder).sources
     recording = source.load()
     site_of(source, recording, scratch)

@@ -1,4 +1,5 @@
-"""Speed of schema checks in one process: files a second, against libxml2 doing nothing but parse and validate.
+"""Speed of schema checks in one process: files a second, against libxml2 doing nothing but parse
+and validate.
 
     python benchmarks/check_speed.py PATH... [--repeat N]
 

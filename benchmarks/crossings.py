@@ -1,4 +1,5 @@
-"""Share of crossed borders that the rules find as lane changes, or as entering and leaving by ramps.
+"""Share of crossed borders that the rules find as lane changes, or as entering and leaving by
+ramps.
 
     python benchmarks/crossings.py PATH...
 

@@ -1,4 +1,5 @@
-"""Cost of a density of recorded manoeuvres, with the folds of its cross-validation, and what it says of recordings not seen.
+"""Cost of a density of recorded manoeuvres, with the folds of its cross-validation, and what it
+says of recordings not seen.
 
     python benchmarks/densities.py [--density NAME]
 

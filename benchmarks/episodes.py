@@ -1,4 +1,5 @@
-"""Cost of an episode of the search: as many as a search has, in several processes, and where the time of one goes.
+"""Cost of an episode of the search: as many as a search has, in several processes, and where the
+time of one goes.
 
     python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
 

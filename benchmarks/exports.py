@@ -1,4 +1,5 @@
-"""Exports of scenario documents: exported or refused with the reason, and equality of motion afterwards.
+"""Exports of scenario documents: exported or refused with the reason, and equality of motion
+afterwards.
 
     python benchmarks/exports.py FOLDER... [--to 1.0 --to carla] [--jobs 2] [--no-runs]
 
@@ -40,7 +41,8 @@ Motion = dict[str, np.ndarray]
 
 
 class Answer(NamedTuple):
-    """Outcome of one file. distance: greatest distance (m) between the two runs; NaN without a comparison."""
+    """Outcome of one file. distance: greatest distance (m) between the two runs; NaN without a
+    comparison."""
 
     path: Path
     target: str
@@ -102,7 +104,8 @@ def motion(path: Path) -> Motion:
 
 
 def greatest_distance(expected: Motion, got: Motion) -> float:
-    """Between the places of the same participants (CARLA's ego is called hero) at the same times, m."""
+    """Between the places of the same participants (CARLA's ego is called hero) at the same times,
+    m."""
     names = {name: name if name in got else "hero" for name in expected}
     if set(names.values()) != set(got):
         return np.inf

@@ -1,4 +1,5 @@
-"""Fuzz the commands and readers: files changed by what their formats allow, and a report of all that must not happen.
+"""Fuzz the commands and readers: files changed by what their formats allow, and a report of all
+that must not happen.
 
     python -m benchmarks.fuzz [FOLDER...] [--count N] [--minutes M] [--seed S] [--jobs J] [--only
     KIND] [--keep DIR]

@@ -1,12 +1,14 @@
-"""Processor time of reading and compiling a file against the number of each element that may repeat.
+"""Processor time of reading and compiling a file against the number of each element that may
+repeat.
 
     python -m benchmarks.growth [--most 16000] [--only NAME] [--seconds 20]
 
 Repeatable elements are those that the schema declares with a largest number above 1. Each is
 repeated in the smallest file of the tests or the library that has one, with numbered
 names: a scenario is compiled, of a variation file the first parameter sets are listed, a
-catalogue is checked. The exponent b of time = a n^b is fitted to counts from `--most`/8 to `--most`, without the
-time for the file as it is; a series ends early at a count that takes more than `--seconds`. Exit code
+catalogue is checked. The exponent b of time = a n^b is fitted to counts from `--most`/8 to
+`--most`, without the time for the file as it is; a series ends early at a count that takes more
+than `--seconds`. Exit code
 1: an exponent is above `STEEPEST`.
 """
 
@@ -61,7 +63,8 @@ class Repeatable(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """Processor times (s) of an element by its number, and the exponent; NaN where they are too short."""
+    """Processor times (s) of an element by its number, and the exponent; NaN where they are too
+    short."""
 
     element: Repeatable
     times: dict[int, float]
@@ -106,7 +109,8 @@ def examples(wanted: list[Repeatable]) -> dict[Repeatable, Path]:
 
 
 def write(path: Path, element: Repeatable, number: int, folder: Path) -> Path:
-    """Write a scenario with an element repeated so often, beside the original's roads and catalogues."""
+    """Write a scenario with an element repeated so often, beside the original's roads and
+    catalogues."""
     root = etree.parse(path).getroot()
     for each in (*root.iter("LogicFile"), *root.iter("SceneGraphFile"), *root.iter("Directory")):
         for name in ("filepath", "path"):

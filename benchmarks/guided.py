@@ -3,8 +3,9 @@
     pip install atheris
     python -m benchmarks.guided TARGET [--seconds 60] [--seed 0] [--keep DIR]
 
-TARGET is `expressions`, `scenarios` (reading, resolving and compiling) or `roads`. Inputs begin with
-the expressions, scenarios and roads of the library. Any exception but a refusal (`ToolchainError`)
+TARGET is `expressions`, `scenarios` (reading, resolving and compiling) or `roads`. Inputs begin
+with the expressions, scenarios and roads of the library. Any exception but a refusal
+(`ToolchainError`)
 is a defect: the input is kept in DIR, and the exit code is not 0. Exit code 2: atheris is not
 installed. Unlike `benchmarks.fuzz`, inputs are bytes that reach new branches, in one process.
 """

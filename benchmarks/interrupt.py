@@ -1,4 +1,5 @@
-"""Kill a batch at random, again and again, resume it each time, and compare what it leaves with an undisturbed batch.
+"""Kill a batch at random, again and again, resume it each time, and compare what it leaves with an
+undisturbed batch.
 
     python benchmarks/interrupt.py [PATH...] [--kills 200] [--seed 0]
 

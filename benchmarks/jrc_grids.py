@@ -1,4 +1,5 @@
-"""The reference drivers on the cut-in grids that they were published with, against the published implementation's collisions.
+"""The reference drivers on the cut-in grids that they were published with, against the published
+implementation's collisions.
 
     python benchmarks/jrc_grids.py [--drivers NAME...] [--every N] [--processes N] [--world
     sumo|kinematic]
@@ -52,8 +53,8 @@ GRIDS = {
 RAMPS = {
     round(speed, 1): len(np.arange(0.0, speed, 0.15)) for speed in np.arange(0.0, 1.8, 0.1).tolist()
 }
-"""Steps in which each lateral speed (m/s) is reached. The published grid lies a rounding error above 0.3, 0.6 and 1.2 m/s, and
-its implementation takes a step more for these."""
+"""Steps in which each lateral speed (m/s) is reached. The published grid lies a rounding error
+above 0.3, 0.6 and 1.2 m/s, and its implementation takes a step more for these."""
 PUBLISHED = {
     "r157-cc": {"high": Count(3552, 3146), "low": Count(3728, 3001)},
     "r157-reg": {"high": Count(2869, 2487), "low": Count(2252, 1606)},
@@ -61,7 +62,8 @@ PUBLISHED = {
     "fsm": {"high": Count(1649, 1437), "low": Count(901, 672)},
 }
 ACCOUNTABLE = {"r157-cc": "2"}
-"""TTC (s) above which, when its lane is reached, the run is not the driver's to answer for: the models' own criterion."""
+"""TTC (s) above which, when its lane is reached, the run is not the driver's to answer for: the
+models' own criterion."""
 
 
 def jobs(grid: Grid, driver: str) -> Iterator[Job]:

@@ -1,4 +1,5 @@
-"""A batch of variation files: `xosc-run` as a whole against bare loops of libsumo with as many steps and participants.
+"""A batch of variation files: `xosc-run` as a whole against bare loops of libsumo with as many
+steps and participants.
 
     python benchmarks/ncap_batch.py FOLDER [--jobs N] [--timestep S] [--world NAME]
 

@@ -1,4 +1,5 @@
-"""Remove parts that a later version made optional, or that a repair supplies: no trajectory changes.
+"""Remove parts that a later version made optional, or that a repair supplies: no trajectory
+changes.
 
     python -m benchmarks.optional_parts FOLDER... [--road-path DIR] [--sample N] [--seed N]
 

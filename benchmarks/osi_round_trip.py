@@ -29,7 +29,8 @@ PLACE, TIME = 0.01, 0.001
 
 
 def main() -> None:
-    """Print a line for each scenario that is off or can't run, and the greatest distances; 1 where one is off."""
+    """Print a line for each scenario that is off or can't run, and the greatest distances; 1 where
+    one is off."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument(
         "files", nargs="*", type=Path, help="scenarios; by default the library's"
@@ -56,7 +57,8 @@ def main() -> None:
 
 
 def _off(result: runner.RunResult) -> tuple[float, float]:
-    """Greatest distance and time between a run and what is read from its traces; infinite where a track or row is missing."""
+    """Greatest distance and time between a run and what is read from its traces; infinite where a
+    track or row is missing."""
     found = (0.0, 0.0)
     with tempfile.TemporaryDirectory() as folder:
         for suffix in osi.FORMATS:

@@ -1,4 +1,5 @@
-"""Number of recorded runs of esmini that this runner repeats: the table of docs/parity.md, a line per set.
+"""Number of recorded runs of esmini that this runner repeats: the table of docs/parity.md, a line
+per set.
 
     python benchmarks/parity.py REFERENCE CORPORA... [--set alks] [--differ]
 
@@ -66,7 +67,8 @@ def answer(row: dict[str, str], recorded: pa.Table, corpora: list[Path]) -> tupl
 
 
 def _furthest(recorded: pa.Table, result: runner.RunResult, name: str) -> float:
-    """The greatest distance (m) of a participant from its place in the reference, as long as both are there."""
+    """The greatest distance (m) of a participant from its place in the reference, as long as both
+    are there."""
     there = recorded.filter(pc.equal(recorded["entity"], name))
     if name not in result.recording.tracks:
         return math.inf

@@ -54,7 +54,8 @@ def _kind(path: Path) -> str:
 
 
 def verdict(outcomes: list[Outcome]) -> str:
-    """`plays`, `incomplete`, or the first reason for which a file is refused, without names and numbers."""
+    """`plays`, `incomplete`, or the first reason for which a file is refused, without names and
+    numbers."""
     errors = [each.message for each in outcomes if each.state == "error"]
     if not errors:
         return "plays"

@@ -1,6 +1,7 @@
 """Processor time of public scenarios on this runner and on esmini, in one run on one machine.
 
-    python -m benchmarks.players FOLDER... --esmini BINARY [--repeat N] [--timestep S] [--max-time S]
+    python -m benchmarks.players FOLDER... --esmini BINARY [--repeat N] [--timestep S] [--max-time
+    S]
 
 Every scenario below the folders is played whole by both, each in a process of its own, in turn:
 kinematic, nothing but what the scenario scripts, the same fixed step, no output. The least
@@ -33,7 +34,8 @@ LIMIT = 120.0
 
 
 class Costs(NamedTuple):
-    """Processor times (s) of a file on one player: of the whole process, and of loading; and the steps between."""
+    """Processor times (s) of a file on one player: of the whole process, and of loading; and the
+    steps between."""
 
     whole: float
     loading: float
@@ -126,7 +128,8 @@ class Esmini:
 
 
 def steps_of(log: Path) -> int:
-    """Steps of a run of esmini: rows of its CSV log that begin with a number, without the one of the beginning."""
+    """Steps of a run of esmini: rows of its CSV log that begin with a number, without the one of
+    the beginning."""
     with log.open(encoding="utf-8", errors="replace", newline="") as file:
         rows = sum(row[:1] != [] and row[0].strip().isdigit() for row in csv.reader(file))
     if rows < 2:

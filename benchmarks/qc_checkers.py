@@ -1,4 +1,5 @@
-"""Verdicts of xosc-check on the public test files of ASAM's checkers: their names say which rule they break or keep.
+"""Verdicts of xosc-check on the public test files of ASAM's checkers: their names say which rule
+they break or keep.
 
     python -m benchmarks.qc_checkers qc-opendrive/tests/data
     python -m benchmarks.qc_checkers qc-openscenarioxml/tests/data

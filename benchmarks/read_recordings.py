@@ -1,4 +1,5 @@
-"""Processor time and memory of reading a highD-sized recording, against Arrow doing nothing but parse the same table.
+"""Processor time and memory of reading a highD-sized recording, against Arrow doing nothing but
+parse the same table.
 
     python benchmarks/read_recordings.py [--vehicles N] [--recordings N] [--repeat N]
 

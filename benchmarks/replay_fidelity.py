@@ -1,4 +1,5 @@
-"""Fidelity of played catalogues of vehicles' scenes to data sets: places, speeds, accelerations, criticality.
+"""Fidelity of played catalogues of vehicles' scenes to data sets: places, speeds, accelerations,
+criticality.
 
     python benchmarks/replay_fidelity.py PATH... [--world sumo|kinematic] [--limit 0.3]
 
@@ -48,7 +49,8 @@ def main() -> None:
 
 
 def measure(path: Path, world: str, limit: float) -> None:
-    """Make the scenes of all vehicles of a data set, check and run them, and print how far they are from the recordings."""
+    """Make the scenes of all vehicles of a data set, check and run them, and print how far they are
+    from the recordings."""
     settings = recordings.CatalogueSettings(
         scenes=recordings.VEHICLES, rules=Rules(signalised=True)
     )

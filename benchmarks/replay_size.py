@@ -1,4 +1,5 @@
-"""Size of replay pages, processor time to write them, and frames per second that a browser shows, for 60 s of 20 participants.
+"""Size of replay pages, processor time to write them, and frames per second that a browser shows,
+for 60 s of 20 participants.
 
     python benchmarks/replay_size.py [--seconds S] [--noise M] [--frames] [--town]
 

@@ -1,4 +1,5 @@
-"""Cost of the RFAP similarity: how it grows with the samples, against a double loop over pairs, and how fast votes are counted.
+"""Cost of the RFAP similarity: how it grows with the samples, against a double loop over pairs, and
+how fast votes are counted.
 
     python benchmarks/rfap.py [--trees 250] [--width 128] [--classes 14]
 

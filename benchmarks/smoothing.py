@@ -54,7 +54,8 @@ def main() -> None:
 
 
 def moved(track: Track) -> tuple[FloatArray, ...]:
-    """Distances of the box's centre, differences of speed and acceleration; accelerations recorded and smoothed; jerks."""
+    """Distances of the box's centre, differences of speed and acceleration; accelerations recorded
+    and smoothed; jerks."""
     columns, ahead = track.columns, track.box.x
     places = ((columns[f"{of}x"], columns[f"{of}y"], columns[f"{of}h"]) for of in ("", "raw_"))
     (x, y), (raw_x, raw_y) = ((x + ahead * np.cos(h), y + ahead * np.sin(h)) for x, y, h in places)

@@ -1,4 +1,5 @@
-"""Cost of one step of the interpreter against a bare loop of libsumo: the same moveToXY, step and read-back.
+"""Cost of one step of the interpreter against a bare loop of libsumo: the same moveToXY, step and
+read-back.
 
     python benchmarks/step_cost.py [--steps N] [--timestep S]
 
@@ -178,7 +179,8 @@ def interpreter(path: Path, steps: int, timestep: float, world: str) -> list[flo
 
 
 def moves_of(path: Path, steps: int, timestep: float) -> Moves:
-    """Return the interpreter's commands to SUMO: id, front bumper and angle of every entity in every step."""
+    """Return the interpreter's commands to SUMO: id, front bumper and angle of every entity in
+    every step."""
     sim = simulation(path, timestep)
     moves: Moves = []
     try:
@@ -197,7 +199,8 @@ def moves_of(path: Path, steps: int, timestep: float) -> Moves:
 
 
 def bare(path: Path, moves: Moves, timestep: float) -> list[float]:
-    """Seconds a step of libsumo alone, by stretches: the world is opened by the runner, then only libsumo is called."""
+    """Seconds a step of libsumo alone, by stretches: the world is opened by the runner, then only
+    libsumo is called."""
     sim = simulation(path, timestep)
     vehicle, step = libsumo.vehicle, libsumo.simulationStep
     move, position, angle, speed = (
@@ -255,7 +258,8 @@ class _Timed:
 
 
 def profile(path: Path, steps: int, timestep: float) -> Iterator[tuple[str, float]]:
-    """Seconds a step by part, the largest first. What is left over is the tick itself and the clock."""
+    """Seconds a step by part, the largest first. What is left over is the tick itself and the
+    clock."""
     sim, clock = simulation(path, timestep), Clock()
     for _ in range(300):  # all actions have started
         sim.tick()

@@ -1,4 +1,5 @@
-"""Growth of the cost of a step with the participants and events of scripted traffic, side by side with a bare loop of libsumo.
+"""Growth of the cost of a step with the participants and events of scripted traffic, side by side
+with a bare loop of libsumo.
 
     python -m benchmarks.traffic [--steps N] [--counts 10,60,300,1000]
 

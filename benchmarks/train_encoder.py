@@ -1,4 +1,5 @@
-"""Training of the encoder: time for as many windows as the paper has, accuracy, and what is confused with what.
+"""Training of the encoder: time for as many windows as the paper has, accuracy, and what is
+confused with what.
 
     python benchmarks/train_encoder.py RECORDINGS [--preset cpu] [--events 2600] [--cache DIR]
     [--objectives order barlow]

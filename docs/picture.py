@@ -74,7 +74,8 @@ def rooms(package: str) -> list[str]:
 
 
 def dots(found: list[Way]) -> dict[str, list[Dot]]:
-    """Steps by the room (`runner.engine.motion`) that they are in, or by the package where they are in none."""
+    """Steps by the room (`runner.engine.motion`) that they are in, or by the package where they are
+    in none."""
     by_room: dict[str, list[Dot]] = {}
     for way, (_, steps) in enumerate(found):
         for number, names in enumerate(steps, start=1):

@@ -1,4 +1,5 @@
-"""Hooks of MkDocs: pages of the repository outside `docs` join the site, and links between all pages follow them."""
+"""Hooks of MkDocs: pages of the repository outside `docs` join the site, and links between all
+pages follow them."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 
 def relinked(text: str, source: Path, place: str) -> str:
-    """Return the text with its relative links as they are seen from its place in the site; code is left alone.
+    """Return the text with its relative links as they are seen from its place in the site; code is
+    left alone.
 
     Args:
         text: Markdown of the page.

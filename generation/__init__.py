@@ -1,4 +1,5 @@
-"""MCSG: a space of manoeuvre parameters, how likely its points are, and the search for plausible ones that are critical."""
+"""MCSG: a space of manoeuvre parameters, how likely its points are, and the search for plausible
+ones that are critical."""
 
 from __future__ import annotations
 

@@ -33,9 +33,9 @@ COLUMNS = (
     "t",
     "lane_offset",
 )
-"""Columns of a track: s; m in the world frame of the road network (reference point); rad, mathematical; m/s and m/s²
-along the heading; OpenDRIVE road coordinates (lane_offset is t minus the t of the lane's
-centre)."""
+"""Columns of a track: s; m in the world frame of the road network (reference point); rad,
+mathematical; m/s and m/s² along the heading; OpenDRIVE road coordinates (lane_offset is t minus the
+t of the lane's centre)."""
 
 _PLACE = ("road_id", "lane_id", "s", "t", "lane_offset")
 
@@ -67,7 +67,8 @@ class Track:
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
-        """One array for each of `COLUMNS`; a road id of None means that the place on the road was not looked up yet."""
+        """One array for each of `COLUMNS`; a road id of None means that the place on the road was
+        not looked up yet."""
         return self.read()
 
     def locate(self, network: RoadNetwork) -> None:
@@ -113,7 +114,8 @@ class Recording:
         return self
 
     def table(self) -> pa.Table:
-        """Long form, sorted by time, then by the participants' order; `entity` after `time`, then the other columns."""
+        """Long form, sorted by time, then by the participants' order; `entity` after `time`, then
+        the other columns."""
         import numpy as np
         import pyarrow as pa
 
@@ -151,7 +153,8 @@ _FIELDS = [
     (name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"
 ]
 _ROW = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS))
-"""The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's garbage collector busy."""
+"""The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's
+garbage collector busy."""
 _pack = _ROW.pack
 
 
@@ -271,7 +274,8 @@ def signal_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, str
 
 
 def light_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, tuple[str, str]]]]:
-    """Changes of the lights of each entity by its name: time (s), light and new mode (on, off, flashing)."""
+    """Changes of the lights of each entity by its name: time (s), light and new mode (on, off,
+    flashing)."""
 
     def parted(text: str) -> tuple[str, str]:
         light, _, mode = text.rpartition(" ")

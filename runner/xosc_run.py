@@ -128,7 +128,8 @@ def _outcomes(
     tell: Callable[[str], None],
     in_arrays: bool,
 ) -> Generator[Outcome]:
-    """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave out."""
+    """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave
+    out."""
     from runner.batch.batch import run_batch
 
     if batch.dry_run:
@@ -198,7 +199,8 @@ def _pages(
 
 @contextmanager
 def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] | None]:
-    """Collects outcomes for a JUnit report, which is written in the end, also when the runs are interrupted."""
+    """Collects outcomes for a JUnit report, which is written in the end, also when the runs are
+    interrupted."""
     if junit is None:
         yield None
         return
@@ -255,7 +257,8 @@ def _follow(
     left_out: Mapping[Path, int],
     earlier: BatchComparison | None,
 ) -> int:
-    """Show outcomes as they come, keep and compare them if asked to; the exit code, by new failures only if asked to."""
+    """Show outcomes as they come, keep and compare them if asked to; the exit code, by new failures
+    only if asked to."""
     codes = {ExitCode.PASSED}
     allowed = {ExitCode.INCONCLUSIVE} if batch.allow_inconclusive else set()
     only_new = NEW_FAILURE in batch.limits

@@ -1,4 +1,5 @@
-"""Official schemas and semantic rules of OpenSCENARIO and OpenDRIVE: which version a file has, and whether it is sound."""
+"""Official schemas and semantic rules of OpenSCENARIO and OpenDRIVE: which version a file has, and
+whether it is sound."""
 
 from __future__ import annotations
 

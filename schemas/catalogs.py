@@ -1,4 +1,5 @@
-"""Catalogues: finding the entry that a CatalogReference names; the one look-up of checks and of runs.
+"""Catalogues: finding the entry that a CatalogReference names; the one look-up of checks and of
+runs.
 
 Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives
 for the kind of element, every catalogue file counts; a catalogue is known by its name. Several may
@@ -57,7 +58,8 @@ EXPECTED: dict[str, tuple[str, ...]] = {
 """Kinds of entries that a CatalogReference may stand for, by the element that holds it."""
 
 REFERENCES = ("CatalogReference", "CatalogReferences")
-"""Names of the elements that refer to an entry; a TrafficDistribution has the plural for each of its own."""
+"""Names of the elements that refer to an entry; a TrafficDistribution has the plural for each of
+its own."""
 
 
 class Loaded(Protocol):
@@ -103,7 +105,8 @@ class CatalogEntry:
 
     @cached_property
     def plain(self) -> bool:
-        """Whether it says the same wherever it is referred to: it has no parameters, expressions and references."""
+        """Whether it says the same wherever it is referred to: it has no parameters, expressions
+        and references."""
         tags = any(True for _ in self.element.iter("ParameterDeclarations", *REFERENCES))
         return not tags and not any(
             "$" in text for inner in self.element.iter("*") for text in inner.attrib.values()
@@ -150,7 +153,8 @@ class _Catalog(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """The catalogues for some kinds of entries, what kept others from being read, and whether a directory is missing."""
+    """The catalogues for some kinds of entries, what kept others from being read, and whether a
+    directory is missing."""
 
     catalogs: list[_Catalog]
     problems: list[str]
@@ -258,7 +262,8 @@ class Catalogs:
 
 
 def referred(file: Path, reference: str) -> Path:
-    """The path that a file refers to, also as a `file:` URI; a relative one starts at the file's folder."""
+    """The path that a file refers to, also as a `file:` URI; a relative one starts at the file's
+    folder."""
     plain = unquote(_URI.sub("", reference)) if _URI.match(reference) else reference
     return file.parent / plain.replace("\\", "/")
 
@@ -268,7 +273,8 @@ _URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
 
 
 class Located(NamedTuple):
-    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it is as it says.
+    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it
+    is as it says.
 
     Where the directory is missing these are the files of all folders that were asked for, in the
     order of the folders.
@@ -279,7 +285,8 @@ class Located(NamedTuple):
 
 
 def missing(directory: Path, place: str = "") -> str:
-    """Return the message for a catalogue directory that does not exist, with the place that names it."""
+    """Return the message for a catalogue directory that does not exist, with the place that names
+    it."""
     return (
         f"the directory {directory}{place} does not exist or can't be read: put it there, or name the folder that has it with "
         f"--catalog-path (or in {VARIABLE})"
@@ -337,7 +344,8 @@ def _files(path: Path) -> list[str]:
 
 
 def _asked_for(path: Path, folders: Folders) -> list[Path]:
-    """The directories, or files, of that name in the folders that were asked for, then those folders that have catalogues."""
+    """The directories, or files, of that name in the folders that were asked for, then those
+    folders that have catalogues."""
     places = search_path(folders, VARIABLE)
     name = os.path.basename(os.path.normpath(path))
     named = [place / name for place in places if (place / name).exists()]
@@ -356,7 +364,8 @@ def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
 
 @lru_cache(maxsize=256)
 def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
-    """The catalogue in a file, None where the file is something else, and the reason where it can't be read."""
+    """The catalogue in a file, None where the file is something else, and the reason where it can't
+    be read."""
     try:
         document = load(path)
     except ToolchainError as error:

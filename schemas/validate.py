@@ -1,4 +1,5 @@
-"""Validation against the official XSD: libxml2 decides, quickly; xmlschema explains what it rejects."""
+"""Validation against the official XSD: libxml2 decides, quickly; xmlschema explains what it
+rejects."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from schemas.common.xml import local_name
 from schemas.versions.registry import Schema
 
 _MOST_EXPLAINED = 20_000
-"""Elements up to which xmlschema explains. Its time grows with their square; larger documents get libxml2's messages."""
+"""Elements up to which xmlschema explains. Its time grows with their square; larger documents get
+libxml2's messages."""
 
 _with_many_attributes = etree.XPath("boolean(//*[count(@*) > 100])")
 """Of so many, too: it shows all attributes of an element for each that is wrong"""
@@ -46,7 +48,8 @@ class Violation(NamedTuple):
 
 
 def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
-    """All that a document breaks of a schema; empty for a valid one. Raises as `find_violations` does."""
+    """All that a document breaks of a schema; empty for a valid one. Raises as `find_violations`
+    does."""
     return list(find_violations(tree, schema))
 
 
@@ -75,7 +78,8 @@ def _can_be_explained(tree: etree._ElementTree) -> bool:
 
 
 def brief_violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
-    """Return the schema violations of a document in libxml2's words, which takes no time; `violations` explains more."""
+    """Return the schema violations of a document in libxml2's words, which takes no time;
+    `violations` explains more."""
     if schema.xsd_1_1:
         return violations(tree, schema)
     compiled = _compiled(schema)
@@ -84,7 +88,8 @@ def brief_violations(tree: etree._ElementTree, schema: Schema) -> list[Violation
 
 
 def is_valid(tree: etree._ElementTree, schema: Schema) -> bool:
-    """Whether a document breaks nothing of a schema, by libxml2's verdict alone where it can give one.
+    """Whether a document breaks nothing of a schema, by libxml2's verdict alone where it can give
+    one.
 
     Raises:
         UsageError: the XSD itself cannot be used.
@@ -185,7 +190,8 @@ def at_path(tree: etree._ElementTree, path: str | None, by_name: ChildrenByName)
 
 
 def _children_by_name(parent: etree._Element) -> dict[str, list[etree._Element]]:
-    """Child elements by the names that paths have: `*` counts all, and stands for a namespace without prefix."""
+    """Child elements by the names that paths have: `*` counts all, and stands for a namespace
+    without prefix."""
     found: dict[str, list[etree._Element]] = {}
     for child in parent.iterchildren(etree.Element):
         name = f"{child.prefix}:{local_name(child)}" if child.prefix else str(child.tag)

@@ -103,7 +103,8 @@ def xosc_check(
     ] = False,
     _version: Version = False,
 ) -> None:
-    """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI traces against OSI's rules."""
+    """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI
+    traces against OSI's rules."""
     from schemas.checks.checker import check_many
     from schemas.common.terminal.files import expand
 

@@ -1,1 +1,2 @@
-"""Experiments with the packages, outside the wheel: baselines, ablations, comparisons; no package imports them."""
+"""Experiments with the packages, outside the wheel: baselines, ablations, comparisons; no package
+imports them."""

@@ -1,4 +1,5 @@
-"""Coverage of OpenSCENARIO XML: compares the registries with the official XSD and writes `docs/coverage.md`.
+"""Coverage of OpenSCENARIO XML: compares the registries with the official XSD and writes
+`docs/coverage.md`.
 
 python -m studies.coverage docs/coverage.md
 """
@@ -78,7 +79,8 @@ OTHERS: dict[str, dict[str, str]] = {
         "Storyboard": "all states and transitions, priorities, execution counts, edges, delays, condition groups",
     },
 }
-"""Elements that no registry executes, by the XSD type that lists them, with a note for the reader."""
+"""Elements that no registry executes, by the XSD type that lists them, with a note for the reader.
+"""
 
 
 ESMINI = {
@@ -189,7 +191,8 @@ def schema_root(version: tuple[int, int] = VERSION) -> etree._Element:
 
 
 def leaves(root: etree._Element, type_name: str) -> Iterator[tuple[str, str]]:
-    """Parent and name of every element below a type of the XSD, through the elements that only group others."""
+    """Parent and name of every element below a type of the XSD, through the elements that only
+    group others."""
     for element in _elements(root, type_name):
         name = str(element.get("name"))
         if name in WRAPPERS:

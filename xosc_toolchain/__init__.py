@@ -11,7 +11,8 @@ this one is not. A name is loaded when it is first used, so that the import itse
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # but for type checkers; to import `typing` takes time, in which no signal is answered yet
+# but for type checkers; to import `typing` takes time, in which no signal is answered yet
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from generation.pipeline import generate as search

@@ -1,4 +1,5 @@
-"""Templates that `xosc new` writes: packages that extend the toolchain, projects, scenarios and variations."""
+"""Templates that `xosc new` writes: packages that extend the toolchain, projects, scenarios and
+variations."""
 
 from __future__ import annotations
 
@@ -142,7 +143,8 @@ class _Renaming(Folder):
 
 
 def write_scenario(name: str, like: str, folder: Path) -> list[Path]:
-    """Write a scenario or variation file that begins as a shipped one, with its road and catalogues.
+    """Write a scenario or variation file that begins as a shipped one, with its road and
+    catalogues.
 
     Args:
         name: of the new file, without an ending.
@@ -159,7 +161,8 @@ def write_scenario(name: str, like: str, folder: Path) -> list[Path]:
 
 
 def copy_scenario(source: Path, name: str, folder: Path) -> list[Path]:
-    """Write a scenario or variation file under a new name, with its road and catalogues; the files, its own first.
+    """Write a scenario or variation file under a new name, with its road and catalogues; the files,
+    its own first.
 
     Errors as in `write_scenario`.
     """

@@ -1,4 +1,5 @@
-"""Settings of a project over all commands: those that exist, a file to begin with, and where each value comes from."""
+"""Settings of a project over all commands: those that exist, a file to begin with, and where each
+value comes from."""
 
 from __future__ import annotations
 
@@ -85,7 +86,8 @@ def unknown(key: str) -> str:
 
 
 class SettingRow(NamedTuple):
-    """A value that holds: its key, with its table where it has one, its text, and where it comes from."""
+    """A value that holds: its key, with its table where it has one, its text, and where it comes
+    from."""
 
     key: str
     value: str

@@ -1,4 +1,5 @@
-"""The command `xosc-explore`: a page of this machine on which a scenario's parameters are moved and its run moves along.
+"""The command `xosc-explore`: a page of this machine on which a scenario's parameters are moved and
+its run moves along.
 
 The server listens on 127.0.0.1 alone. Each address begins with a token of this start, and requests
 that name another host, or come from pages of others, are refused. What a page may ask for is in
@@ -140,7 +141,8 @@ def xosc_explore(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Open a page on which a scenario's parameters are moved, and its run, curves and verdict follow; Ctrl-C ends it.
+    """Open a page on which a scenario's parameters are moved, and its run, curves and verdict
+    follow; Ctrl-C ends it.
 
     Folders are shown with a question box, and each of their runs can be explored.
     """
@@ -276,7 +278,8 @@ class ExploreSite:
         return self._films.film(FilmRequest(explored.scenario, values, settings, ground))
 
     def map(self, asked: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        """Values of both axes, then the verdict of each cell, those near the point first; a newer map ends it."""
+        """Values of both axes, then the verdict of each cell, those near the point first; a newer
+        map ends it."""
         explored, values = self._point(asked)
         settings = self._with(asked.get("system"))
         axes = [explored.parameter(asked.get(axis)) for axis in "xy"]
@@ -348,7 +351,8 @@ class ExploreSite:
             raise ToolchainError("a process that played points has ended") from None
 
     def save(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Write a scenario with the point as its declared values, or a variation with the values of a map."""
+        """Write a scenario with the point as its declared values, or a variation with the values of
+        a map."""
         explored, values = self._point(asked)
         if self._out is None:
             raise UsageError("start with --out DIR to save")
@@ -460,7 +464,8 @@ class Collection:
         self.title = " and ".join(path.resolve().name for path in paths)
 
     def rows(self, where: str) -> dict[str, Any]:
-        """Columns and rows that keep a condition, those of `xosc-list`, and the number of all that do.
+        """Columns and rows that keep a condition, those of `xosc-list`, and the number of all that
+        do.
 
         Raises:
             UsageError: the text is no condition.

@@ -1,4 +1,5 @@
-"""Judgement of recognition by people: draws of findings and of vehicles, pages to label them, and the figures of the answers.
+"""Judgement of recognition by people: draws of findings and of vehicles, pages to label them, and
+the figures of the answers.
 
     python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR]
     python -m benchmarks.judging draw FINDINGS RECORDINGS... --out DIR --keys DIR [--findings 90]

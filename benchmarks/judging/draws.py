@@ -32,13 +32,16 @@ from xodr.graph.network import RoadNetwork
 RULES, MODEL, BOTH, BASELINE = "rules", "model", "both", "baseline"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
 SAME = 2.0
-"""Time (s) around a finding within which another one of the same class and vehicle is the same event"""
+"""Time (s) around a finding within which another one of the same class and vehicle is the same
+event"""
 STRETCH, AROUND = 20.0, 10.0
-"""Longest stretch (s) of a vehicle's track that a reviewer looks at; the same around a moment that kinematics single out"""
+"""Longest stretch (s) of a vehicle's track that a reviewer looks at; the same around a moment that
+kinematics single out"""
 _DRIVES, _LEAST = 10.0, 3.0
 """Least extent (m) and length (s) of a stretch in which a vehicle drives"""
 _HELD, _TURN_TIME = 1.0, 6.0
-"""Time (s) for which the baseline wants a lane held; time within which a heading changes in a turn"""
+"""Time (s) for which the baseline wants a lane held; time within which a heading changes in a turn
+"""
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,8 @@ class Item:
 
 
 def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
-    """Return the findings of the rules and of a model in recordings, as a catalogue would have them.
+    """Return the findings of the rules and of a model in recordings, as a catalogue would have
+    them.
 
     Recordings that can't be read are named on stderr and left out.
 
@@ -120,7 +124,8 @@ def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
 def merged(
     recording: str, site: str, by_rules: Sequence[Detection], by_model: Sequence[Detection]
 ) -> Iterator[Finding]:
-    """Yield the findings in a recording: of the rules, by both if the model has the same, and the others of the model."""
+    """Yield the findings in a recording: of the rules, by both if the model has the same, and the
+    others of the model."""
     for own, others, source in (by_rules, by_model, RULES), (by_model, by_rules, MODEL):
         for one in own:
             moment, shared = one.moment, any(_same(one, other) for other in others)
@@ -167,7 +172,8 @@ def read_findings(path: Path) -> list[Finding]:
 
 
 def draw_findings(everything: Sequence[Finding], number: int, seed: int) -> list[Item]:
-    """Draw findings: as many of each source, and within a source by the root of the number of each class."""
+    """Draw findings: as many of each source, and within a source by the root of the number of each
+    class."""
     generator = np.random.default_rng(seed)
     sources = [
         source for source in (RULES, MODEL, BOTH) if any(one.source == source for one in everything)
@@ -269,7 +275,8 @@ def draw_vehicles(
 def baseline(
     library: Library, recording: str, site: str, vehicle: str, start: float, end: float
 ) -> list[Finding]:
-    """Return the findings of a plain baseline in a stretch: what the lane number and the heading alone tell.
+    """Return the findings of a plain baseline in a stretch: what the lane number and the heading
+    alone tell.
 
     Another lane of the same road, held for a second after one that was held as long, is a lane
     change. A change of the heading by 45 to 135 degrees within 6 s is a turn.
@@ -332,7 +339,8 @@ class _Stretch(NamedTuple):
 def _stretches(
     name: str, library: Library, generator: np.random.Generator, singled_out: bool
 ) -> list[_Stretch]:
-    """Stretches of the tracks of vehicles that drive: one of each at random, or one around each moment singled out."""
+    """Stretches of the tracks of vehicles that drive: one of each at random, or one around each
+    moment singled out."""
     recording, chosen = library.recording(name), list[_Stretch]()
     drivers = [track for track in recording.tracks.values() if track.category in EGOS]
     found = library.instants(name) if singled_out else {}
@@ -406,7 +414,8 @@ class Library:
 
 
 def sources_of(recordings: Sequence[Path]) -> list[tuple[str, Source]]:
-    """Recordings in paths, each with the name of its set: the folder directly below the path that it is in."""
+    """Recordings in paths, each with the name of its set: the folder directly below the path that
+    it is in."""
     found = []
     for path in recordings:
         for source in datasets.open(path).sources:

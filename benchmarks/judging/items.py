@@ -1,4 +1,5 @@
-"""Items of a draw as files: page, pictures, numbers, a table for answers; and the key that tells where they are from."""
+"""Items of a draw as files: page, pictures, numbers, a table for answers; and the key that tells
+where they are from."""
 
 from __future__ import annotations
 
@@ -36,11 +37,13 @@ _NEAR, _OTHERS = 0.1, 4
 _SIGHT = 150.0
 """Distance (m) within which the next vehicle ahead is named"""
 _CLOSE, _FAR, _FILMED = 35.0, 90.0, 20
-"""Least and greatest reach (m) of a moment's picture, which shows the partner; most participants beside the ego in a film"""
+"""Least and greatest reach (m) of a moment's picture, which shows the partner; most participants
+beside the ego in a film"""
 
 
 def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -> None:
-    """Write the page, pictures, texts and the table for answers of a draw into a folder, and its key beside it."""
+    """Write the page, pictures, texts and the table for answers of a draw into a folder, and its
+    key beside it."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -104,7 +107,8 @@ def _shown(item: Item) -> tuple[float, float]:
 
 
 def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -> str:
-    """Describe an item second by second: places on the map, motion, and positions of others relative to the ego."""
+    """Describe an item second by second: places on the map, motion, and positions of others
+    relative to the ego."""
     ego = recording.tracks[item.vehicle]
     finding = item.finding
     size = f"{ego.category}, {ego.box.length:.1f} m long"
@@ -173,7 +177,8 @@ def _place(network: RoadNetwork, at: dict[str, float]) -> str:
 
 
 def _seen(network: RoadNetwork, ego: Track, at: dict[str, float], other: Track, time: float) -> str:
-    """Describe another participant: offset ahead and to the left of the ego, gap between the boxes, speed, lane."""
+    """Describe another participant: offset ahead and to the left of the ego, gap between the boxes,
+    speed, lane."""
     there = _at(other, time)
     if there is None:
         return f"{other.name} not there"

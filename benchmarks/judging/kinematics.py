@@ -1,4 +1,5 @@
-"""Moments of a vehicle that plain kinematics single out: a criterion for draws in which no rule, model or lane has a part.
+"""Moments of a vehicle that plain kinematics single out: a criterion for draws in which no rule,
+model or lane has a part.
 
 It singles out far more than the events of the 17 classes, and nothing says which of them, if any:
 it raises the share of stretches in which something happens, so that reviewers label events instead
@@ -25,7 +26,8 @@ _SHIFT = 2.0
 _BRAKING = -2.5
 """Acceleration (m/s²)"""
 _AHEAD, _BESIDE, _AROUND = 30.0, 2.0, 1.0
-"""A box is ahead at centres up to so many m ahead and to the side; the heading is steady for so many s before and after"""
+"""A box is ahead at centres up to so many m ahead and to the side; the heading is steady for so
+many s before and after"""
 _MOVING = 3.0
 """Least speed (m/s) of a vehicle that meets or crosses another one"""
 _NEAR, _APART = 2.0, 4.0
@@ -52,7 +54,8 @@ class _Way(NamedTuple):
 
 
 def instants(recording: Recording) -> dict[str, list[Instant]]:
-    """Return the moments of each vehicle by name: at most one of each reason, the strongest or first one.
+    """Return the moments of each vehicle by name: at most one of each reason, the strongest or
+    first one.
 
     - *turns*: the heading changes by 30 degrees or more within 5 s.
     - *shifts*: 2 m or more to the side of its mean heading within 5 s, at a heading that changes by

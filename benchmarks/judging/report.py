@@ -167,7 +167,8 @@ def extra_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[Ca
 
 
 def matches(event: Event, finding: Mapping[str, Any]) -> bool:
-    """Whether a finding is of the event's class, and its window within the tolerance of the event's time."""
+    """Whether a finding is of the event's class, and its window within the tolerance of the event's
+    time."""
     inside = finding["start"] - _TOLERANCE <= event.time <= finding["end"] + _TOLERANCE
     return bool(event.title == finding["title"] and inside)
 

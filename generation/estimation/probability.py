@@ -1,4 +1,5 @@
-"""Probabilities of failure from weighted draws with control variates, and rates per hour and per kilometre."""
+"""Probabilities of failure from weighted draws with control variates, and rates per hour and per
+kilometre."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ class Probability(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the logarithm, by sampling and by the density; infinite where no draw fails."""
+        """Standard deviation of the logarithm, by sampling and by the density; infinite where no
+        draw fails."""
         return math.hypot(math.sqrt(math.log1p(self.variation**2)), self.density)
 
     @property
@@ -54,7 +56,8 @@ class Probability(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of positive values are skewed."""
+        """Of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of positive
+        values are skewed."""
         if self.value <= 0.0:
             return 0.0, self.bound
         factor = math.exp(_NORMAL * self.spread)
@@ -66,7 +69,8 @@ class Probability(NamedTuple):
         return self.effective >= LEAST_EFFECTIVE
 
     def within(self, other: Probability) -> Probability:
-        """This one as of an event that implies another one, whose upper limit holds for it too where it is to be trusted."""
+        """This one as of an event that implies another one, whose upper limit holds for it too
+        where it is to be trusted."""
         return self._replace(bound=min(self.bound, other.interval[1])) if other.stable else self
 
     @property
@@ -141,7 +145,8 @@ _DISTANCE = 1000.0
 
 
 class Rate(NamedTuple):
-    """A rate with its 95 % interval; its value is 0 where no draw fails, and the interval's upper end a limit."""
+    """A rate with its 95 % interval; its value is 0 where no draw fails, and the interval's upper
+    end a limit."""
 
     value: float
     interval: tuple[float, float]
@@ -232,7 +237,8 @@ class Driving:
         return found
 
     def by_site(self) -> dict[str, dict[str, float]]:
-        """Hours, kilometres, and manoeuvres per hour of each kind of site; nothing where there is but one."""
+        """Hours, kilometres, and manoeuvres per hour of each kind of site; nothing where there is
+        but one."""
         totals = {name: Exposure.total(parts) for name, parts in self.sites.items()}
         if len(totals) < 2:
             return {}
@@ -293,7 +299,8 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
 
 
 def _chances(probability: Probability, generator: np.random.Generator) -> tuple[FloatArray, float]:
-    """Draws of a probability, and its value; where no draw failed, exponential with 95 % below the bound."""
+    """Draws of a probability, and its value; where no draw failed, exponential with 95 % below the
+    bound."""
     if probability.value <= 0.0:
         return generator.exponential(-probability.bound / math.log(0.05), _DRAWS), 0.0
     return np.minimum(

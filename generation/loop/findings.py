@@ -34,7 +34,8 @@ class CaseVerdict(StrEnum):
 
 
 class CarefulDriver(StrEnum):
-    """Verdict on careful drivers (`generation.search.outcomes.JUDGES`): one avoids it, all collide, or a run failed."""
+    """Verdict on careful drivers (`generation.search.outcomes.JUDGES`): one avoids it, all collide,
+    or a run failed."""
 
     AVOIDS = "avoids"
     COLLIDES = "collides"
@@ -54,7 +55,8 @@ class StageFinding:
 
 @dataclass(frozen=True, kw_only=True)
 class Recognised(StageFinding):
-    """Scenarios recognised in recordings, by title of their class and by its state; files that were edited, left as they are."""
+    """Scenarios recognised in recordings, by title of their class and by its state; files that were
+    edited, left as they are."""
 
     classes: dict[str, int] = field(default_factory=dict)
     states: dict[str, int] = field(default_factory=dict)
@@ -70,7 +72,8 @@ class Measured(StageFinding):
 
 @dataclass(frozen=True)
 class DensitySource:
-    """Number of recorded manoeuvres behind a density, and whether they are of these recordings or shipped."""
+    """Number of recorded manoeuvres behind a density, and whether they are of these recordings or
+    shipped."""
 
     manoeuvres: int
     own: bool
@@ -187,9 +190,9 @@ class Searched(StageFinding):
 
 @dataclass(frozen=True)
 class ShownRun:
-    """A run: its name, state, status, message and end (s) as in the table of a batch, criticality measures by name, and its
-    replay, relative to the output folder, with the moment to begin at; none where there is no
-    replay."""
+    """A run: its name, state, status, message and end (s) as in the table of a batch, criticality
+    measures by name, and its replay, relative to the output folder, with the moment to begin at;
+    none where there is no replay."""
 
     name: str
     state: str
@@ -202,7 +205,8 @@ class ShownRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Ran(StageFinding):
-    """Runs by the scenario or variation file that they are of, relative to the output folder where it is there.
+    """Runs by the scenario or variation file that they are of, relative to the output folder where
+    it is there.
 
     Args:
         sampled: number of parameter sets of variation files that were run in part.
@@ -216,7 +220,8 @@ class Ran(StageFinding):
 
 @dataclass(frozen=True)
 class LabelledScenario:
-    """A scenario recognised in a run: title of its class, and its file in the catalogue of the round."""
+    """A scenario recognised in a run: title of its class, and its file in the catalogue of the
+    round."""
 
     title: str
     file: str
@@ -239,7 +244,8 @@ class Checked(StageFinding):
 
 @dataclass(frozen=True)
 class Round:
-    """A round of search: its number from 1, its searches, the runs of their edge cases, and what is recognised in these."""
+    """A round of search: its number from 1, its searches, the runs of their edge cases, and what is
+    recognised in these."""
 
     number: int
     searches: list[Searched]
@@ -299,7 +305,8 @@ class Compared:
 
 @dataclass(frozen=True)
 class Against:
-    """An earlier loop, of another version of the system: its folder's name, the system, and what became of its failures."""
+    """An earlier loop, of another version of the system: its folder's name, the system, and what
+    became of its failures."""
 
     folder: str
     sut: str
@@ -311,7 +318,8 @@ class Against:
         return Fates(fate for comparison in self.compared for fate in comparison.counts.elements())
 
     def fails(self, *by: Fate) -> bool:
-        """Whether there are failures of any of these fates, or may be, as of something no run succeeded."""
+        """Whether there are failures of any of these fates, or may be, as of something no run
+        succeeded."""
         return self.counts.fails(*by) or any(comparison.blind for comparison in self.compared)
 
 
@@ -351,7 +359,8 @@ class LoopResult:
 
     @property
     def crashed(self) -> bool:
-        """Whether every run, those of searches among them, ended with an error, as where the system under test raises."""
+        """Whether every run, those of searches among them, ended with an error, as where the system
+        under test raises."""
         searched = [search for round_ in self.rounds for search in round_.searches]
         total = sum(len(runs) for stage in self._ran for runs in stage.files.values()) + sum(
             search.calls for search in searched
@@ -368,7 +377,8 @@ class LoopResult:
 
     @property
     def sound(self) -> bool:
-        """Whether everything was done: all inputs were read and are valid, no run ended with an error, no search was empty.
+        """Whether everything was done: all inputs were read and are valid, no run ended with an
+        error, no search was empty.
 
         What the system under test does wrong is another matter, and what a loop is for.
         """

@@ -75,7 +75,8 @@ class Inputs(NamedTuple):
 
     @property
     def names(self) -> dict[Path, str]:
-        """A name for each scenario, no two the same: its file's, with the folders below ours where others have that too."""
+        """A name for each scenario, no two the same: its file's, with the folders below ours where
+        others have that too."""
         stems = [path.stem for path in self.scenarios]
         inside = {path: path.relative_to(self.folder).with_suffix("") for path in self.scenarios}
         return {
@@ -85,7 +86,8 @@ class Inputs(NamedTuple):
 
     @property
     def recorded(self) -> str:
-        """A short name for all files of the folder but scenarios, by their content; empty without recordings.
+        """A short name for all files of the folder but scenarios, by their content; empty without
+        recordings.
 
         Raises:
             InvalidFile: one of them can't be read.
@@ -102,12 +104,14 @@ class Inputs(NamedTuple):
         )
 
     def played(self, run: RunSettings) -> str:
-        """A short name for the scenarios, with the roads and catalogues that they refer to, by their content."""
+        """A short name for the scenarios, with the roads and catalogues that they refer to, by
+        their content."""
         return digest(repr([played(path, run) for path in self.scenarios]).encode())
 
 
 def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
-    """The content of a scenario, or of a variation file and its scenario, and what is wrong with it."""
+    """The content of a scenario, or of a variation file and its scenario, and what is wrong with
+    it."""
     content = ""
     try:
         content = _content(path)
@@ -145,7 +149,8 @@ LIBRARY = {
     Label.URBAN_CUT_IN: "cut_in_narrow_road",
     Label.URBAN_CUT_OUT: "cut_out_narrow_road",
 }
-"""The library's logical scenario of a class, for those whose parameters can be measured in recordings."""
+"""The library's logical scenario of a class, for those whose parameters can be measured in
+recordings."""
 
 
 class SearchTarget(NamedTuple):
@@ -218,7 +223,8 @@ def _why_not(scenario: RecordedScenario | None) -> str:
 def of_scenario(
     path: Path, own: Samples | None, name: str | None = None, title: str | None = None
 ) -> SearchTarget | Refused:
-    """A logical scenario, with the parameters of these recordings where there are enough, else of the units that are shipped.
+    """A logical scenario, with the parameters of these recordings where there are enough, else of
+    the units that are shipped.
 
     Args:
         own: units of these recordings; None for none.
@@ -236,7 +242,8 @@ def of_scenario(
 def of_inputs(
     names: Mapping[Path, str], own: Samples | None, ask: Ask
 ) -> Iterator[SearchTarget | Refused]:
-    """The scenarios and variation files of the user; one that is not searched is reported with its replacements.
+    """The scenarios and variation files of the user; one that is not searched is reported with its
+    replacements.
 
     Args:
         names: of the targets, by file.

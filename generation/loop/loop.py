@@ -45,7 +45,8 @@ from xosc.distributions.space import Selection
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"
 RUNS, RECOGNISED = "runs", "recognised"
-"""Folders of a round: runs of its edge cases, and the catalogue of what is recognised in these runs"""
+"""Folders of a round: runs of its edge cases, and the catalogue of what is recognised in these runs
+"""
 
 
 def run_loop(

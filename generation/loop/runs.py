@@ -49,7 +49,8 @@ from schemas.common.terminal.text import many, one_line
 from xosc.distributions import ParameterSpace
 
 MODEL = "model"
-"""Folder in the output folder with the model as it is after the recordings: the classes discovered in them are known to it"""
+"""Folder in the output folder with the model as it is after the recordings: the classes discovered
+in them are known to it"""
 
 
 def catalogue(
@@ -108,7 +109,8 @@ def run_all(
     progress: Callable[[int], None],
     named: Callable[[Path], str],
 ) -> Ran:
-    """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
+    """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it
+    was interrupted.
 
     Args:
         settings: how they are run.
@@ -156,7 +158,8 @@ def _failures(found: Ran) -> Iterator[tuple[str, str]]:
 
 
 def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> dict[str, int]:
-    """Return the number of parameter sets of variation files that have more than `most`; unreadable files have none.
+    """Return the number of parameter sets of variation files that have more than `most`; unreadable
+    files have none.
 
     Args:
         named: what a file is called in the result, as for `run_all`.
@@ -179,7 +182,8 @@ _REMEDY = "remove it to have it done again"
 F = TypeVar("F", bound=StageFinding)
 
 Report = Callable[[LoopStage, StageFinding, float | None], None]
-"""Called with each finished stage, what it found, and the time (s) that was waited for it; None where it was finished before."""
+"""Called with each finished stage, what it found, and the time (s) that was waited for it; None
+where it was finished before."""
 
 
 class FinishedStages:
@@ -230,7 +234,8 @@ class FinishedStages:
         made: Sequence[Path] = (),
         editable: bool = False,
     ) -> F:
-        """Return a stage's finding of that kind; its work is done only if it was not finished before.
+        """Return a stage's finding of that kind; its work is done only if it was not finished
+        before.
 
         Args:
             work: what it does; it goes on with what an interruption has left of it.
@@ -267,7 +272,8 @@ class FinishedStages:
         kind: type[StageFinding] | None = None,
         editable: bool = False,
     ) -> tuple[dict[str, Any], str]:
-        """Return the results that a stage has left, and why they are stale; empty if they are valid or absent."""
+        """Return the results that a stage has left, and why they are stale; empty if they are valid
+        or absent."""
         path = self._path(stage)
         if not path.is_file():
             return _unfinished(of), ""
@@ -296,7 +302,8 @@ class FinishedStages:
         ]
 
     def _files(self, made: Sequence[Path]) -> dict[str, str | None]:
-        """Digests of what was made, by name below the output folder; what is hidden is of no result."""
+        """Digests of what was made, by name below the output folder; what is hidden is of no
+        result."""
         paths = sorted(
             path
             for output in made

@@ -41,7 +41,8 @@ _ALIKE = Choice().apart
 
 
 class Failures(NamedTuple):
-    """Failures of the system under test, one a row, no two alike, those with the greatest rewards first.
+    """Failures of the system under test, one a row, no two alike, those with the greatest rewards
+    first.
 
     Attributes:
         theta: parameters (n, d).

@@ -1,4 +1,5 @@
-"""The command `xosc-loop`: a folder of recordings or scenarios goes through the whole loop, and a page shows what came of it."""
+"""The command `xosc-loop`: a folder of recordings or scenarios goes through the whole loop, and a
+page shows what came of it."""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ def xosc_loop(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Recognise scenarios in recordings, vary them into edge cases for a system under test, check, run and show them.
+    """Recognise scenarios in recordings, vary them into edge cases for a system under test, check,
+    run and show them.
 
     Edge cases of one round are what the next one starts from. What is done stays: after an
     interruption the same command goes on. index.html in the output folder shows everything, with

@@ -1,4 +1,5 @@
-"""Report of a search as one page, with its differences from a search of another version of the system.
+"""Report of a search as one page, with its differences from a search of another version of the
+system.
 
 Modules:
 

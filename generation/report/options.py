@@ -1,4 +1,5 @@
-"""The options that several commands of generation take besides whole settings, and the studies with single ones."""
+"""The options that several commands of generation take besides whole settings, and the studies with
+single ones."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ FailIf = Annotated[
 
 
 def budget_within_limits(budget: int, more: int, name: str) -> int:
-    """Return the runs that a search may spend under `--max-runs`; fewer than asked for are said on standard error.
+    """Return the runs that a search may spend under `--max-runs`; fewer than asked for are said on
+    standard error.
 
     Args:
         budget: the runs asked for.
@@ -59,7 +61,8 @@ def budget_within_limits(budget: int, more: int, name: str) -> int:
 
 
 def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
-    """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system raises no alarm.
+    """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system
+    raises no alarm.
 
     Raises:
         UsageError: it names something else, or there is no `--against`.

@@ -95,7 +95,8 @@ def _found(title: str, sut: str, generated: Generated) -> str:
 
 
 def _caveats(generated: Generated, cases: int) -> Iterator[str]:
-    """Limits of what was found: judges that prevent no or few cases, a density that could not be tested."""
+    """Limits of what was found: judges that prevent no or few cases, a density that could not be
+    tested."""
     failed = generated.cases.outcomes.collision
     drivers = generated.cases.drivers
     counts = {
@@ -113,7 +114,8 @@ def _caveats(generated: Generated, cases: int) -> Iterator[str]:
 
 
 def _lost(generated: Generated) -> Iterator[str]:
-    """Runs that tested something, of all; those with an error or inconclusive count nowhere else on the page."""
+    """Runs that tested something, of all; those with an error or inconclusive count nowhere else on
+    the page."""
     outcomes = generated.episodes.outcomes
     tested, runs = int(outcomes.executed.sum()), len(outcomes.status)
     yield f"{tested:,} of {many(runs, 'run')} tested what the file describes."
@@ -247,7 +249,8 @@ def write_report(
     out: Path,
     against: Regression | None = None,
 ) -> Path:
-    """Write the page and its counterexamples into the search's folder; the same search gives the same bytes.
+    """Write the page and its counterexamples into the search's folder; the same search gives the
+    same bytes.
 
     Raises:
         UsageError: something else is in the way there, or another search.
@@ -332,7 +335,8 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
 
 
 def _films(report: SearchReport, out: Path) -> list[Json]:
-    """Moving pictures of failures, first one of each region, then the counterexamples, then other members of regions."""
+    """Moving pictures of failures, first one of each region, then the counterexamples, then other
+    members of regions."""
     named = [
         (f"Region {number}, {name} member", one.page, one.reproduced, one.film)
         for name in ("likeliest", "typical")
@@ -410,7 +414,8 @@ def _region(found: Region | str) -> Json:
 
 
 def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Json]:
-    """Regions with the measures and replays of two members, and rates of the driving that an estimate knows."""
+    """Regions with the measures and replays of two members, and rates of the driving that an
+    estimate knows."""
     estimate = report.generated.estimate
     driving = estimate.driving if estimate is not None else ""
     per = driving.per if isinstance(driving, Driving) else {}

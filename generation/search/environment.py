@@ -14,7 +14,8 @@ from generation.search.problem import SearchProblem
 
 
 class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """One episode at a time: d edits, one for each parameter, then a run of the scenario and the problem's reward.
+    """One episode at a time: d edits, one for each parameter, then a run of the scenario and the
+    problem's reward.
 
     An action is one number: the share of its range, −1 … 1, that the parameter moves by.
     Observations are those of `Edits`. The last step's `info` holds `theta` and the fields of the

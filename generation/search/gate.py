@@ -1,4 +1,5 @@
-"""Unguided runs: the gate that a density has to pass before it judges what is foreseeable, and the bound on unknown failures.
+"""Unguided runs: the gate that a density has to pass before it judges what is foreseeable, and the
+bound on unknown failures.
 
 Recordings replayed with their own values say how often the scenario and the system under test
 collide in traffic as it was. None of the recorded vehicles collided: a scenario in which careful
@@ -35,7 +36,8 @@ Run = Callable[[FloatArray], Outcomes]
 
 CONFIDENCE = 0.95
 UNFAITHFUL = 0.01
-"""Share of colliding replays that is certainly exceeded where a scenario does not replay what was recorded."""
+"""Share of colliding replays that is certainly exceeded where a scenario does not replay what was
+recorded."""
 
 
 TESTABLE = 0.05
@@ -70,7 +72,8 @@ class Share(NamedTuple):
 
 
 class Statement(NamedTuple):
-    """Upper bound on the probability of failures that a search has not found, from unguided draws of the density.
+    """Upper bound on the probability of failures that a search has not found, from unguided draws
+    of the density.
 
     The draws are independent of the search: a draw that fails unlike all that it found is a trial
     that hits an unknown failure. The bound is the one-sided one of Clopper and Pearson; with
@@ -150,7 +153,8 @@ class Gate(NamedTuple):
 
     @property
     def refusal(self) -> str | None:
-        """Why the density is no judge of what is foreseeable; None where it is one, or where there is nothing to hold it to."""
+        """Why the density is no judge of what is foreseeable; None where it is one, or where there
+        is nothing to hold it to."""
         if self.replayed is None:
             return None
         unfaithful = self.unprevented or self.replayed
@@ -166,7 +170,8 @@ class Gate(NamedTuple):
 
     @property
     def testable(self) -> bool:
-        """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its draws."""
+        """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its
+        draws."""
         if self.replayed is None:
             return False
         # Power of the test: with few replays the interval is so wide that nothing would be refused.
@@ -193,7 +198,8 @@ def replay_shares(units: FloatArray, replay: Run, drivers: Drivers) -> tuple[Sha
 
 R157, ROAD = "r157", "road"
 R157_SPEED = 130.0 / 3.6
-"""Greatest speed (m/s) of an automated lane keeping system: UN Regulation 157 with its 01 series of amendments"""
+"""Greatest speed (m/s) of an automated lane keeping system: UN Regulation 157 with its 01 series of
+amendments"""
 _FORM = f"{R157}, {ROAD} or NAME=LOW..HIGH is expected, as Ego_Speed_mps=0..36"
 
 
@@ -289,7 +295,8 @@ def _limits(
 
 
 def _is_ego_speed(role: Role, roles: Mapping[str, Role]) -> bool:
-    """Whether it is the ego's speed: that of the vehicle that is not the actor, unless the ego acts itself."""
+    """Whether it is the ego's speed: that of the vehicle that is not the actor, unless the ego acts
+    itself."""
     # In a lane change of the ego the ego is the actor, and the role `ego_speed` is its leader's.
     acts = any(
         assigned.actor == EGO and assigned.role == "start_speed" for assigned in roles.values()

@@ -134,7 +134,8 @@ class Writer:
         draft.write()
 
     def cases(self, cases: Cases, evidence: Evidence) -> Path:
-        """The variation file of the cases: a set of values for each, of pinned parameters too; the best first."""
+        """The variation file of the cases: a set of values for each, of pinned parameters too; the
+        best first."""
         sets = tuple(self._values(row) for row in cases.theta)
         definition = Deterministic((DeterministicMultiParameterDistribution(sets),))
         description = (
@@ -147,7 +148,8 @@ class Writer:
         )
 
     def concrete(self, cases: Cases, evidence: Evidence, names: Sequence[str] = ()) -> list[Path]:
-        """A scenario of each case in which all values are worked out, numbered from 0 as the sets of the variation file are.
+        """A scenario of each case in which all values are worked out, numbered from 0 as the sets
+        of the variation file are.
 
         Args:
             names: what the files are called after the scenario, in the place of numbers.
@@ -164,7 +166,8 @@ class Writer:
         return written
 
     def density(self, density: Density, seed: int) -> Path:
-        """Write a stochastic variation file of the density. The standard has no joint densities, so each parameter stands alone.
+        """Write a stochastic variation file of the density. The standard has no joint densities, so
+        each parameter stands alone.
 
         Histograms of what the density draws within the box. That parameters depend on each other is
         lost.
@@ -208,7 +211,8 @@ class Writer:
 
 
 class Written:
-    """The files that searches have written into a folder for a scenario, so that a search that goes on can replace them.
+    """The files that searches have written into a folder for a scenario, so that a search that goes
+    on can replace them.
 
     Args:
         folder: of the files. stem: name of the scenario's file without its ending.
@@ -219,7 +223,8 @@ class Written:
         self._notes = folder / f"{stem}_files.json"
 
     def withdraw(self, changed: bool = False) -> None:
-        """Remove what was written before and has not been changed since; with `changed`, what has been, too.
+        """Remove what was written before and has not been changed since; with `changed`, what has
+        been, too.
 
         Raises:
             InvalidFile: the notes on it are malformed.
@@ -247,7 +252,8 @@ class Written:
 
 
 def _with_road(document: Document, space: Space) -> Document:
-    """The scenario with the names of its road files that are values of parameters: files are taken along by name."""
+    """The scenario with the names of its road files that are values of parameters: files are taken
+    along by name."""
     found = copied(document)
     for element in found.root.iter("LogicFile", "SceneGraphFile"):
         name = str(element.get("filepath", "")).removeprefix("$")
@@ -323,7 +329,8 @@ def varied(path: Path) -> Varied | None:
 
 
 def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tuple[str, Choices]:
-    """Sets of values as the values of one parameter, a number that is another one in each set; the others follow it.
+    """Sets of values as the values of one parameter, a number that is another one in each set; the
+    others follow it.
 
     Raises:
         NothingToVary: there is one set alone, or no such parameter.
@@ -352,7 +359,8 @@ def scenario_of(path: Path) -> Path:
 
 
 def _refuse_undeclared(scenario: Path, roles: Mapping[str, Role]) -> None:
-    """A role of what the scenario does not declare is better named before anything else is asked for."""
+    """A role of what the scenario does not declare is better named before anything else is asked
+    for."""
     holder = xosc.load(scenario).node.find("ParameterDeclarations")
     declared = (
         [declaration.get("name") for declaration in holder.children("ParameterDeclaration")]
@@ -391,7 +399,8 @@ def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
 
 
 def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -> tuple[Ask, Path]:
-    """Declare literals of a scenario that are to be searched as parameters, in a copy with all that it refers to.
+    """Declare literals of a scenario that are to be searched as parameters, in a copy with all that
+    it refers to.
 
     A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`.
 
@@ -501,7 +510,8 @@ class Asked(NamedTuple):
 
 
 def asked_of(ask: Ask, path: Path) -> Asked:
-    """Return the search that the options ask for, of a scenario or of a variation file's scenario and parameters.
+    """Return the search that the options ask for, of a scenario or of a variation file's scenario
+    and parameters.
 
     Recordings say what is likely where a kind of them is known: by `--kind`, or of a scenario of
     the library by its name. Otherwise the distributions of the variation file and the ranges of

@@ -1,4 +1,5 @@
-"""Recorded parameters of a scenario: from a table of units, or from a catalogue of scenarios that were recognised."""
+"""Recorded parameters of a scenario: from a table of units, or from a catalogue of scenarios that
+were recognised."""
 
 from __future__ import annotations
 
@@ -66,7 +67,8 @@ _KINDS_OF_CLASSES = {
 }
 """Kind of the units that are like the manoeuvre of a class: changes of lane, else of speed"""
 _BESIDE = 7
-"""Candidates, by the ego's speed, for the unit of the next actor: the nearest may be of the same lane change."""
+"""Candidates, by the ego's speed, for the unit of the next actor: the nearest may be of the same
+lane change."""
 _DRAWN, _PARTS = 1000, 5
 """Draws in the place of recorded units, and how many recordings they count as."""
 
@@ -120,7 +122,8 @@ class Recorded(NamedTuple):
         )
 
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:
-        """Return the prior of each of two adversaries, from all units of its kind, whatever the other one does."""
+        """Return the prior of each of two adversaries, from all units of its kind, whatever the
+        other one does."""
         found = []
         for recorded in self.pairs.alone if self.pairs is not None else ():
             names = tuple(name for name in space.names if name in recorded.values)
@@ -171,7 +174,8 @@ class Recorded(NamedTuple):
         )
 
     def replays(self, space: Space) -> tuple[Space, FloatArray] | None:
-        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the limits, with their own values.
+        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the
+        limits, with their own values.
 
         None where something is searched of which nothing is recorded: there is nothing to replay.
         """
@@ -201,7 +205,8 @@ class Recorded(NamedTuple):
 
 
 class RecordedScenario(NamedTuple):
-    """A scenario of a catalogue, names of its searchable parameters, and what is recorded of them in all its like."""
+    """A scenario of a catalogue, names of its searchable parameters, and what is recorded of them
+    in all its like."""
 
     path: Path
     names: tuple[str, ...]
@@ -270,7 +275,8 @@ def _units(path: Path | None) -> Samples:
 
 
 def kind_of(scenario: Path) -> str:
-    """The kind of recorded units that a scenario is about, by its name (the library's) or, for a recorded one, the tag of its class.
+    """The kind of recorded units that a scenario is about, by its name (the library's) or, for a
+    recorded one, the tag of its class.
 
     Raises:
         UsageError: it has neither, or is not there.
@@ -302,7 +308,8 @@ def of_samples(
     marginals: Mapping[str, Marginal] = MappingProxyType({}),
     simulated: bool = False,
 ) -> Recorded:
-    """The columns of a table that belong to a space: the seven of its actor, and the speed of the other vehicle.
+    """The columns of a table that belong to a space: the seven of its actor, and the speed of the
+    other vehicle.
 
     Two actors of pairs have those of the same pair. Several actors otherwise have the values of as
     many units, of egos that are about as fast.
@@ -355,7 +362,8 @@ def of_samples(
 def _with_jerk(
     samples: Samples, roles: Mapping[str, Role], space: Space
 ) -> tuple[Samples, Mapping[str, Role]]:
-    """Return the samples with known jerk if it is searched; drop its role if it is pinned and never known."""
+    """Return the samples with known jerk if it is searched; drop its role if it is pinned and never
+    known."""
     jerk = next((name for name, role in roles.items() if role.role == JERK), None)
     known = np.flatnonzero(np.isfinite(samples.jerks))
     if jerk is None or known.size:
@@ -389,7 +397,8 @@ def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
 
 
 def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:
-    """Rows (n,) of the units that each actor has the values of; for the first one all in their order.
+    """Rows (n,) of the units that each actor has the values of; for the first one all in their
+    order.
 
     Further actors have those some places further by the ego's speed, within blocks, so that the
     fastest get fast ones too.
@@ -405,7 +414,8 @@ def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, Int
 
 
 def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
-    """Draws in the place of recordings, from densities that are stated; uniform where there is none."""
+    """Draws in the place of recordings, from densities that are stated; uniform where there is
+    none."""
     every = {
         parameter.name: marginals.get(parameter.name) or uniform(parameter.low, parameter.high)
         for parameter in space.parameters
@@ -426,7 +436,8 @@ def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
 
 
 def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
-    """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
+    """For each folder in a catalogue the scenario in the middle of those that declare the same
+    parameters.
 
     The recorded parameters are the values that those scenarios declare; most of a kind win where
     there are several kinds. Where the ego is alone, nothing can be searched.
@@ -448,7 +459,8 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
 
 
 def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
-    """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any.
+    """Names and values of a scenario's searchable parameters, and the recording that it is from;
+    None without any.
 
     The same for a scenario with the ego alone.
     """
@@ -471,7 +483,8 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
 
 
 def _kind_of_recording(root: Node) -> str | None:
-    """The kind by the class of a recorded scenario; None for others, whose parameters may be of any kind."""
+    """The kind by the class of a recorded scenario; None for others, whose parameters may be of any
+    kind."""
     recorded = _property(root, _RECORDING) is not None
     return _KINDS_OF_CLASSES.get(_property(root, _CLASS) or "") if recorded else None
 

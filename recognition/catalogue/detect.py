@@ -1,4 +1,5 @@
-"""Detections: classes found in a recording by rules or by a model, and the episodes cut out about them."""
+"""Detections: classes found in a recording by rules or by a model, and the episodes cut out about
+them."""
 
 from __future__ import annotations
 
@@ -60,7 +61,8 @@ class Moment:
 
     @property
     def trust(self) -> str:
-        """Agreement of rules and model: `agree`, `differ`, `rules alone`, `model alone` or, of no class, `measures`."""
+        """Agreement of rules and model: `agree`, `differ`, `rules alone`, `model alone` or, of no
+        class, `measures`."""
         if self.labels_agree is None and not self.rule and self.severity is not None:
             return "measures"
         if self.labels_agree is None:
@@ -173,7 +175,8 @@ class EgoRequirements:
 
 
 class EgoVehicle(NamedTuple):
-    """A vehicle that is an ego: its name, when it was recorded first and last (s), and how it passes."""
+    """A vehicle that is an ego: its name, when it was recorded first and last (s), and how it
+    passes."""
 
     name: str
     start: float
@@ -243,7 +246,8 @@ def _on_road(track: Track, network: RoadNetwork) -> float:
 
 
 def passage(track: Track, reach: float = 5.0) -> str:
-    """Return the direction of a passage (left, right, straight, back), from the headings of its first and last metres.
+    """Return the direction of a passage (left, right, straight, back), from the headings of its
+    first and last metres.
 
     Args:
         reach: way (m) over which the direction is taken.
@@ -357,7 +361,8 @@ def plain(text: str) -> str:
 
 
 def _distinct(episodes: list[Episode]) -> list[Episode]:
-    """The same with names that are unique in their folders, whatever the file system makes of capitals."""
+    """The same with names that are unique in their folders, whatever the file system makes of
+    capitals."""
     seen: dict[str, int] = {}
     distinct = []
     for episode in episodes:

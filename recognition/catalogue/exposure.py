@@ -1,4 +1,5 @@
-"""Exposure: time and distance that vehicles were observed, and rates of events per hour and per 1,000 km by class and site."""
+"""Exposure: time and distance that vehicles were observed, and rates of events per hour and per
+1,000 km by class and site."""
 
 from __future__ import annotations
 
@@ -19,13 +20,15 @@ COLUMNS: dict[str, type] = {
     "per_hour": float, "per_hour_low": float, "per_hour_high": float,
     "per_1000_km": float, "per_1000_km_low": float, "per_1000_km_high": float,
 }  # fmt: skip
-"""Columns of the table beside the index: events, exposure with its quality from 0 to 1, rates with their 95 % intervals"""
+"""Columns of the table beside the index: events, exposure with its quality from 0 to 1, rates with
+their 95 % intervals"""
 _LEVEL = 0.95
 _HOUR, _KM = 3600.0, 1000.0
 
 
 class Mileage(NamedTuple):
-    """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m).
+    """Motor vehicles that were not parked: their number, the sum of their times (s) and of their
+    distances (m).
 
     quality: of the recording, from 0 to 1. blocked: classes that are not labelled everywhere there,
     because roles of lanes are not sure.
@@ -134,7 +137,8 @@ def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
 
 
 def interval(count: int) -> tuple[float, float]:
-    """Return the exact two-sided 95 % interval of the mean of a Poisson variable that was observed once.
+    """Return the exact two-sided 95 % interval of the mean of a Poisson variable that was observed
+    once.
 
     Source: F. Garwood, Fiducial Limits for the Poisson Distribution, Biometrika 28 (1936).
     """

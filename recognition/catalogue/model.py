@@ -36,12 +36,14 @@ from schemas.common.errors import InvalidFile, UsageError, reason
 from schemas.common.policy import current
 
 AGREE, WRONG = 0.75, 0.10
-"""Least share of rules' events that a model gives the rules' class, and greatest share that gets another one or none"""
+"""Least share of rules' events that a model gives the rules' class, and greatest share that gets
+another one or none"""
 _WEIGHTS, _ABOUT, _FIELD = "model.safetensors", "about", "unseen_sites"
 
 
 class UnseenSites(NamedTuple):
-    """Agreement of a model with rules' events on sites outside its training, for the worst site measured.
+    """Agreement of a model with rules' events on sites outside its training, for the worst site
+    measured.
 
     agree: share with the rules' class. wrong: share that is taken for another known class or for
     nothing; the rest is unknown.
@@ -187,7 +189,8 @@ class ByModel:
             advance(1.0)
 
     def moments(self, name: str) -> list[Moment]:
-        """The moments of a recording, as what they are known to be once all recordings were looked at."""
+        """The moments of a recording, as what they are known to be once all recordings were looked
+        at."""
         # Classes are discovered from all recordings together; the first question ends the looking.
         if not self._finished:
             self._discover()
@@ -239,7 +242,8 @@ class ByModel:
         return found
 
     def _take(self, features: Features, moments: list[Moment]) -> None:
-        """Recognise windows by their features, of the first moments, no more at a time than fit into the buffer twice."""
+        """Recognise windows by their features, of the first moments, no more at a time than fit
+        into the buffer twice."""
         # Larger parts would push unknown moments out of the buffer before classes are looked for.
         part = max(self._model.buffer.capacity // 2, 1)
         for start in range(0, len(features), part):
@@ -263,7 +267,8 @@ class ByModel:
             self._discover()
 
     def _discover(self) -> None:
-        """Look for new classes among what waits, as soon as there is enough of it, and take them for known from then on."""
+        """Look for new classes among what waits, as soon as there is enough of it, and take them
+        for known from then on."""
         self._waiting = 0
         if len(self._model.buffer) <= self._model.config.preprocessing.neighbours:
             return
@@ -275,7 +280,8 @@ class ByModel:
         self._model.expand(found)
 
     def _labelled(self, moment: Moment, label: int) -> Moment:
-        """A moment with the model's final label, sorted by it unless a rule's event is sorted by the rules."""
+        """A moment with the model's final label, sorted by it unless a rule's event is sorted by
+        the rules."""
         moment = replace(moment, model=title_of(label))
         if moment.rule and not self._sorts:
             return moment

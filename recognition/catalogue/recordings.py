@@ -184,7 +184,8 @@ def _report(values: dict[str, Any]) -> Report:
 EVENTS, VEHICLES = "events", "vehicles"
 _REFUSALS = (InvalidFile, Unsupported, UsageError)
 _LONG = 200
-"""Participants of a recording that takes so long to write that it is worth a search for garbage, in all that is loaded"""
+"""Participants of a recording that takes so long to write that it is worth a search for garbage, in
+all that is loaded"""
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,8 @@ class CatalogueSettings:
 
 
 class RecordingRef(NamedTuple):
-    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a given road and declaration of columns."""
+    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a
+    given road and declaration of columns."""
 
     paths: tuple[Path, ...]
     name: str
@@ -315,7 +317,8 @@ def _events(recording: Recording, site: Site, name: str, rules: Rules) -> list[L
 
 
 class Inspection(NamedTuple):
-    """Outcome of the intake of a recording: verdict, quality in [0, 1], and a reason for each check that found something."""
+    """Outcome of the intake of a recording: verdict, quality in [0, 1], and a reason for each check
+    that found something."""
 
     name: str
     format: str
@@ -350,7 +353,8 @@ def inspected(source: Source) -> Inspection:
 
 
 def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording | ToolchainError:
-    """Read a recording, unless it is on the shelf already, put it there, and label it; or what is wrong with it."""
+    """Read a recording, unless it is on the shelf already, put it there, and label it; or what is
+    wrong with it."""
     source, shelf = place.source, RecordingStore(place.shelf)
     try:
         with limited():
@@ -413,7 +417,8 @@ def played(out: Path, block: TrialBlock) -> list[Played]:
 
 @lru_cache(maxsize=1)
 def recorded(place: RecordingRef) -> Recording:
-    """A recording from the shelf, which is kept for its next stages, also in processes that are forked from this one."""
+    """A recording from the shelf, which is kept for its next stages, also in processes that are
+    forked from this one."""
     return RecordingStore(place.shelf).get(place.source).recording
 
 

@@ -47,7 +47,8 @@ def write_replay(
     version: Version = (1, 3),
     raw: bool = False,
 ) -> Replay:
-    """Write one scenario that replays a recording from the first to the last row of its ego, and its road beside it.
+    """Write one scenario that replays a recording from the first to the last row of its ego, and
+    its road beside it.
 
     The smoothed motion is replayed; its distance from the recorded places is a remark.
 
@@ -115,7 +116,8 @@ _NONE = Tolerance(0.0, 0.0, 0.0, 0.0)
 
 
 def _unsmoothed(recording: Recording) -> Recording:
-    """The recording with the recorded values of what was smoothed in the place of the smoothed ones."""
+    """The recording with the recorded values of what was smoothed in the place of the smoothed
+    ones."""
     tracks = [replace(track, read=partial(_recorded, track)) for track in recording.tracks.values()]
     return Recording(tracks, recording.timestep, recording.network)
 

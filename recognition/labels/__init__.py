@@ -1,4 +1,5 @@
-"""Labels: which of the 17 classes of scenarios happen when in a recording, by the rules of METHOD.md §2.
+"""Labels: which of the 17 classes of scenarios happen when in a recording, by the rules of
+METHOD.md §2.
 
 No label comes from anything but the recorded motion and the roles of the lanes it is on.
 

@@ -27,8 +27,8 @@ class SceneRows:
         x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
         strip: index of the lane strip. along: distance from its beginning, m. offset, aside:
             distance to the left of the lane's centre and of the road's reference line, m.
-        role: index into `ROLES`. certain: whether that is sure. front, rear: distance of the box's ends ahead of the reference
-            point, m. width: of the box, m.
+        role: index into `ROLES`. certain: whether that is sure. front, rear: distance of the box's
+            ends ahead of the reference point, m. width: of the box, m.
     """
 
     recording: Recording
@@ -62,7 +62,8 @@ class SceneRows:
         return max(1, round(seconds / self.step))
 
     def centred(self, row: IntArray) -> IntArray:
-        """The nearest row to each one about which a whole window is there, if its part is as long as that."""
+        """The nearest row to each one about which a whole window is there, if its part is as long
+        as that."""
         half = self.rows(0.5 * self.rules.window)
         return np.maximum(
             np.minimum(np.maximum(row, self.first[row] + half), self.last[row] - half),
@@ -99,7 +100,8 @@ def stays(values: IntArray, group: IntArray) -> Stays:
 
 
 def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
-    """Values in which stays of fewer than `least` rows (of all, or of each) count to the last longer one in the same group."""
+    """Values in which stays of fewer than `least` rows (of all, or of each) count to the last
+    longer one in the same group."""
     start, size = stays(values, group)
     number = np.arange(len(start))
     # Index of the last stay that is long enough, carried forward; a short stay takes its value.
@@ -135,7 +137,8 @@ def deviation(values: FloatArray, half: int, first: IntArray, last: IntArray) ->
 
 
 def always(flags: BoolArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
-    """Return a mask of rows whose neighbours from `half` before to `half` after all have a flag and exist."""
+    """Return a mask of rows whose neighbours from `half` before to `half` after all have a flag and
+    exist."""
     total, _ = totals(flags, half, first, last)
     # A window cut by the ends of a part has fewer rows, and so never the full count.
     return total == 2 * half + 1
@@ -176,7 +179,8 @@ def _turned(scene: SceneRows) -> FloatArray:
 
 
 def _turns(scene: SceneRows, first: IntArray, last: IntArray) -> FloatArray:
-    """Change of heading from rows to later ones, less what the roads outside of junctions bend on the way, rad."""
+    """Change of heading from rows to later ones, less what the roads outside of junctions bend on
+    the way, rad."""
     turned, off_road = _turned(scene), _off_road(scene)
     bends = [
         _bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)
@@ -228,7 +232,8 @@ class Exits(NamedTuple):
 
 
 def exits(scene: SceneRows, course: IntArray) -> Exits:
-    """Return where vehicles leave or enter lanes at more than `rules.oblique`, given the courses of rows.
+    """Return where vehicles leave or enter lanes at more than `rules.oblique`, given the courses of
+    rows.
 
     Near an end of a lane that no other one is linked to, the map ends, not the road.
     """
@@ -252,7 +257,8 @@ def exits(scene: SceneRows, course: IntArray) -> Exits:
 
 
 _OPEN = 10.0
-"""Distance from the open end of a lane within which vehicles may come from, or drive to, roads that the map lacks, m"""
+"""Distance from the open end of a lane within which vehicles may come from, or drive to, roads that
+the map lacks, m"""
 
 
 def _at_open_end(scene: SceneRows) -> BoolArray:
@@ -269,7 +275,8 @@ def _at_open_end(scene: SceneRows) -> BoolArray:
 
 
 class Changes(NamedTuple):
-    """Changes of lane: the first row in the new lane, whether it is to the left, and the lateral displacement towards it, m."""
+    """Changes of lane: the first row in the new lane, whether it is to the left, and the lateral
+    displacement towards it, m."""
 
     row: IntArray
     left: BoolArray
@@ -306,7 +313,8 @@ class LaneChanges:
 
 
 def lane_changes(scene: SceneRows) -> LaneChanges:
-    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`; partial ones apart.
+    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`;
+    partial ones apart.
 
     Borders that are crossed in a turn are none.
     """
@@ -350,7 +358,8 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
 
 
 def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
-    """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond that of an arc."""
+    """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond
+    that of an arc."""
     reach = scene.rows(scene.rules.shift_time)
     first, last = (
         np.maximum(row - reach, scene.first[row]),
@@ -377,7 +386,8 @@ def _partial(
 
 
 def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
-    """Lanes, of which those in which a track begins or ends need not be held for `rules.hold`: that may be cut."""
+    """Lanes, of which those in which a track begins or ends need not be held for `rules.hold`: that
+    may be cut."""
     start, size = stays(raw, course)
     last = start + size - 1
     at_end = (start == scene.first[start]) | (last == scene.last[last])
@@ -389,7 +399,8 @@ def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray
 
 
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
-    """Return the lane offset to the left of each row from the one before, and whether these lanes are connected."""
+    """Return the lane offset to the left of each row from the one before, and whether these lanes
+    are connected."""
     before, after = strip[:-1], strip[1:]
     steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
     moved = np.flatnonzero(before != after)
@@ -408,7 +419,8 @@ _SAME_LANE = 1.0
 
 
 def _overlapping(scene: SceneRows, changed: BoolArray) -> BoolArray:
-    """Which of these steps from a row to the next lead to a lane that overlaps the one before, with nearly its centre and way."""
+    """Which of these steps from a row to the next lead to a lane that overlaps the one before, with
+    nearly its centre and way."""
     near = (
         changed
         & (scene.strip[1:] != NOWHERE)
@@ -431,14 +443,16 @@ def _first(begins: BoolArray) -> IntArray:
 
 
 def _is_held(lane: IntArray, course: IntArray, row: IntArray, least: int) -> BoolArray:
-    """Whether the stays before and after each of the rows, with which a stay begins, are long enough."""
+    """Whether the stays before and after each of the rows, with which a stay begins, are long
+    enough."""
     starts, sizes = stays(lane, course)
     place = np.searchsorted(starts, row)
     return (sizes[place] >= least) & (sizes[place - 1] >= least)
 
 
 def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
-    """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
+    """Lateral way to the left since each course began: changes of the lane offset, or of t where
+    the lane changes."""
     lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
     # Between roads t is not comparable: half the widths of both lanes stand in for it.
     to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
@@ -456,7 +470,8 @@ def _shifts(
     rows: IntArray,
     left: BoolArray,
 ) -> FloatArray:
-    """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
+    """Displacement from the outermost place before to the outermost place after each change, within
+    its two stays."""
     reach = scene.rows(scene.rules.shift_time)
     starts, sizes = stays(lane, course)
     place = np.searchsorted(starts, rows)
@@ -514,7 +529,8 @@ class Passages:
 
 
 def passages(scene: SceneRows) -> Passages:
-    """The ways of all tracks through junctions, of `rules.passage` at least, or half of it in turns.
+    """The ways of all tracks through junctions, of `rules.passage` at least, or half of it in
+    turns.
 
     Whatever lanes they are on: those for bicycles overlap others.
     """
@@ -619,14 +635,16 @@ def _heading_changes(
 
 
 class Turns(NamedTuple):
-    """Turns beside junctions: the row at which half of it is done, and the change of heading, rad, positive to the left."""
+    """Turns beside junctions: the row at which half of it is done, and the change of heading, rad,
+    positive to the left."""
 
     row: IntArray
     turn: FloatArray
 
 
 def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
-    """Turns between a lane and a place beside the road, such as a driveway, within `rules.shift_time` of the lane's border.
+    """Turns between a lane and a place beside the road, such as a driveway, within
+    `rules.shift_time` of the lane's border.
 
     Bends of the lanes are no turns; turns in junctions before or behind are others.
     """
@@ -658,7 +676,8 @@ def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
 
 
 def _lane_turn(lanes: LaneGraph, strip: int, start: float, end: float) -> float:
-    """Return the change of heading (rad) of a strip's traffic between two distances (m) from its beginning."""
+    """Return the change of heading (rad) of a strip's traffic between two distances (m) from its
+    beginning."""
     return (
         0.0
         if strip == NOWHERE

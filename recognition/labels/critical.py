@@ -1,4 +1,5 @@
-"""Critical moments of a recording, whatever its class: time to collision, braking, encroachment, evasive steering, contact.
+"""Critical moments of a recording, whatever its class: time to collision, braking, encroachment,
+evasive steering, contact.
 
 The measures are those of runs (`runner.judging.measures`). RSS violations are reported beside them
 but make no moment: ordinary close following violates RSS.
@@ -74,7 +75,8 @@ _SHRUNK = 0.85
 _CROSSING = np.radians(30.0)
 """Least angle between the headings of crossing paths"""
 _BESIDE, _AWAY = 3.0, 1.0
-"""Lateral ways (m) until a collision by which another one has left the path, and the ego its straight course"""
+"""Lateral ways (m) until a collision by which another one has left the path, and the ego its
+straight course"""
 _MUTUAL = frozenset(("pet", "contact"))
 """Measures that are the same for both"""
 _OBLIQUE = 0.5
@@ -93,7 +95,8 @@ _RSS = next(iter(rss.PARAMETERS))
 
 
 class Exceedance(NamedTuple):
-    """One measure beyond its limit: from when to when (s), when most, its value, severity in [0, 1], and the partner."""
+    """One measure beyond its limit: from when to when (s), when most, its value, severity in [0,
+    1], and the partner."""
 
     start: float
     end: float
@@ -113,7 +116,8 @@ class CriticalMoment:
         partner: of the worst measure that has one; None for none.
         participants: all partners, the worst first.
         severity: from 0 at a limit to 1 at a contact or at the limits of tyres.
-        values: worst value of each measure beyond its limit (s, m/s²), and the least RSS margin (m).
+        values: worst value of each measure beyond its limit (s, m/s²), and the least RSS margin
+            (m).
     """
 
     ego: str
@@ -136,7 +140,8 @@ class CriticalMoment:
 def with_critical(
     events: Sequence[LabelledEvent], recording: Recording, site: Site, name: str, rules: Rules
 ) -> list[LabelledEvent]:
-    """Events of a recording with the severity of their critical moments, and an unnamed event for each other moment.
+    """Events of a recording with the severity of their critical moments, and an unnamed event for
+    each other moment.
 
     A moment belongs to the nearest event of the same participants, from `CriticalLimits.before` it
     to `CriticalLimits.after` it. Free cruise is never critical.
@@ -223,7 +228,8 @@ def _once(moments: Sequence[CriticalMoment], limits: CriticalLimits) -> Iterator
 
 
 def _near(motions: Sequence[MotionRows], step: float) -> list[IntArray]:
-    """Numbers of the participants that each one comes near to, for the speed at which they approach."""
+    """Numbers of the participants that each one comes near to, for the speed at which they
+    approach."""
     from scipy.spatial import KDTree
 
     if not motions:
@@ -334,7 +340,9 @@ def _encounters(
             for run in _runs(flag[own]):
                 rows = own[run]
                 if len(rows) < least or (apart and hopeless[rows].any()):
-                    continue  # nothing could have averted it, and nothing happened: its course was another one
+                    # nothing could have averted it, and nothing happened: its course was another
+                    # one
+                    continue
                 found = values[rows]
                 at = rows[int(found.argmin() if name == "ttc" else found.argmax())]
                 value = float(values[at])

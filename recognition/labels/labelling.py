@@ -56,7 +56,8 @@ def label(
 
 
 BY_ROLE = (Label.RAMP_ENTERING, Label.RAMP_EXITING)
-"""Classes that ask whether a lane is a ramp; changes of lanes beside them have to know that it is none"""
+"""Classes that ask whether a lane is a ramp; changes of lanes beside them have to know that it is
+none"""
 
 
 def _certain(scene: Scene, hits: Hits) -> Hits:
@@ -70,7 +71,8 @@ def _certain(scene: Scene, hits: Hits) -> Hits:
 
 
 class JunctionWay(NamedTuple):
-    """Time (s) that a vehicle is on its way through a junction, and whether the way is straight and crosses no other one."""
+    """Time (s) that a vehicle is on its way through a junction, and whether the way is straight and
+    crosses no other one."""
 
     start: float
     end: float

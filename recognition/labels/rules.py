@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 
 class Cuts(NamedTuple):
-    """Ego's row at t*, the row of the vehicle changing lane in that frame, and the gap (m) between them along the lane."""
+    """Ego's row at t*, the row of the vehicle changing lane in that frame, and the gap (m) between
+    them along the lane."""
 
     ego: IntArray
     other: IntArray
@@ -31,7 +32,8 @@ class Cuts(NamedTuple):
 
 
 def cut_ins(scene: Scene) -> Cuts:
-    """Return the vehicles from another lane that become the ego's lead within `rules.cut_gap` while the ego keeps its lane."""
+    """Return the vehicles from another lane that become the ego's lead within `rules.cut_gap` while
+    the ego keeps its lane."""
     other, moves = _movers(scene)
     # `ego - 1` is the same track one frame earlier: `_concerned` keeps rows whose window is
     # complete.
@@ -43,7 +45,8 @@ def cut_ins(scene: Scene) -> Cuts:
 
 
 def cut_outs(scene: Scene) -> Cuts:
-    """Ego's lead, within `rules.cut_gap`, leaves the lane; after that another vehicle or none is the lead.
+    """Ego's lead, within `rules.cut_gap`, leaves the lane; after that another vehicle or none is
+    the lead.
 
     It changes to another lane, or turns off the road beside junctions.
     """
@@ -67,7 +70,8 @@ def lateral_gap(scene: Scene, cuts: Cuts) -> FloatArray:
 
 
 def least_ttc(scene: Scene, cuts: Cuts) -> FloatArray:
-    """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never defined."""
+    """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never
+    defined."""
     rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
     leads = scene.leads
     same = (leads.row[rows] != ABSENT) & (
@@ -90,7 +94,8 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
 
 
 def _concerned(scene: Scene, row: IntArray) -> BoolArray:
-    """Rows of driving egos that change lane neither then nor within `rules.reaction`; a standing ego has no headway."""
+    """Rows of driving egos that change lane neither then nor within `rules.reaction`; a standing
+    ego has no headway."""
     # If the ego changes lanes itself, the lead is new because of that.
     own = np.append(scene.changes.row, scene.changes.partial.row)
     kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(
@@ -118,7 +123,8 @@ def _movers(scene: Scene) -> tuple[IntArray, BoolArray]:
 
 
 def free_cruise(scene: Scene) -> Hits:
-    """1: steady speed on one lane, without a lead or with one far ahead, in the window and its margins.
+    """1: steady speed on one lane, without a lead or with one far ahead, in the window and its
+    margins.
 
     A standing vehicle has no headway.
     """
@@ -138,7 +144,8 @@ def free_cruise(scene: Scene) -> Hits:
 
 
 def car_following(scene: Scene) -> Hits:
-    """2: the same lead on one lane, at a headway of at most `rules.following_headway`, in the window and its margins."""
+    """2: the same lead on one lane, at a headway of at most `rules.following_headway`, in the
+    window and its margins."""
     rules, leads = scene.rules, scene.leads
     half = scene.rows(0.5 * rules.window + rules.margin)
     near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
@@ -189,7 +196,8 @@ def lane_change_right(scene: Scene) -> Hits:
 
 
 def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
-    """Lane changes to one side; those that were recorded in part have their window where it is complete."""
+    """Lane changes to one side; those that were recorded in part have their window where it is
+    complete."""
     changes, rules = scene.changes, scene.rules
     row, shift = changes.row, changes.shift
     # By default a share of the lane's width, since widths differ by half; a strict value in m is an
@@ -218,7 +226,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
 
 
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether neither of the lanes that a change leads from and to is a ramp or turns in a junction, where lanes overlap.
+    """Whether neither of the lanes that a change leads from and to is a ramp or turns in a
+    junction, where lanes overlap.
 
     A turn through a junction may end on another lane: that is no lane change.
     """
@@ -230,7 +239,8 @@ def _of(changes: Changes, row: IntArray) -> FloatArray:
 
 
 def _steady_on_main(scene: Scene) -> BoolArray:
-    """Rows of egos that keep one main lane through the window and its margins, with all frames there."""
+    """Rows of egos that keep one main lane through the window and its margins, with all frames
+    there."""
     seconds = 0.5 * scene.rules.window + scene.rules.margin
     main = always(scene.has_role(LaneRole.MAIN), scene.rows(seconds), scene.first, scene.last)
     return main & scene.steady(seconds) & scene.egos[scene.track]
@@ -245,7 +255,8 @@ _ROUNDING = 0.01
 
 
 def urban_cut_in(scene: Scene) -> Hits:
-    """9: another vehicle comes into ego's lane and becomes its lead; 0 < TTC < `rules.urban_ttc` soon after is a tag."""
+    """9: another vehicle comes into ego's lane and becomes its lead; 0 < TTC < `rules.urban_ttc`
+    soon after is a tag."""
     found = _on_urban(scene, cut_ins(scene))
     ttc = least_ttc(scene, found)
     near = lateral_gap(scene, found) < scene.rules.lateral_gap
@@ -291,7 +302,8 @@ def ramp_exiting(scene: Scene) -> Hits:
 def _hits(
     scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray, cut: BoolArray
 ) -> Hits:
-    """Transitions with enough way on the ramp, and enough shift; less of both where the recording is cut on the ramp."""
+    """Transitions with enough way on the ramp, and enough shift; less of both where the recording
+    is cut on the ramp."""
     rules = scene.rules
     # The length counts along the ramp: no lateral shift is that long.
     whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
@@ -307,7 +319,8 @@ def _hits(
 
 
 def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:
-    """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
+    """First rows after each transition, and the lateral shift of those by a change of lane;
+    infinite for the others."""
     changes, part = scene.changes, scene.changes.partial
     # A ramp may turn into a main lane without a change of lane: the course goes on along linked
     # lanes.
@@ -351,7 +364,8 @@ def time_apart(
     track: IntArray,
     others: tuple[FloatArray, FloatArray, FloatArray, IntArray],
 ) -> FloatArray:
-    """Least time between each of n visits and one of another track at the same place, s; infinite without such a visit.
+    """Least time between each of n visits and one of another track at the same place, s; infinite
+    without such a visit.
 
     Args:
         x, y, time, track: of the visits (n,).
@@ -391,7 +405,8 @@ def right_turn(scene: Scene) -> Hits:
 
 
 def _turning(scene: Scene, label: Label, side: float) -> Hits:
-    """Turns to one side (1: left, -1: right) in junctions, and between lanes and places beside the road."""
+    """Turns to one side (1: left, -1: right) in junctions, and between lanes and places beside the
+    road."""
     least, greatest = np.radians(scene.rules.turn)
     turn, beside = side * scene.passages.turn, scene.side_turns
     found = _turn(scene, label, (turn >= least) & (turn <= greatest))
@@ -413,7 +428,8 @@ def _turning(scene: Scene, label: Label, side: float) -> Hits:
 
 
 def straight_cross(scene: Scene) -> Hits:
-    """16: the heading hardly changes, or as the road does, and the way crosses that of another participant of the recording."""
+    """16: the heading hardly changes, or as the road does, and the way crosses that of another
+    participant of the recording."""
     turn = np.abs(scene.passages.turn)
     straight = (turn < np.radians(scene.rules.straight)) | (
         (turn < np.radians(scene.rules.turn[0])) & _goes_on(scene)
@@ -434,7 +450,8 @@ def _goes_on(scene: Scene) -> BoolArray:
 
 
 def merging(scene: Scene) -> Hits:
-    """17: a vehicle from elsewhere comes into the same lane behind the junction shortly before or after ego."""
+    """17: a vehicle from elsewhere comes into the same lane behind the junction shortly before or
+    after ego."""
     passages = scene.passages
     gap, partner = _arrivals(scene)
     chosen = np.flatnonzero(_merges(scene, gap))
@@ -452,7 +469,8 @@ def _merges(scene: Scene, gap: FloatArray) -> BoolArray:
 
 
 def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
-    """Return the time to the nearest arrival from another road in the same lane, for each passage, and that passage.
+    """Return the time to the nearest arrival from another road in the same lane, for each passage,
+    and that passage.
 
     Returns:
         Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,),
@@ -475,7 +493,8 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
 
 
 def _same_way(scene: Scene, which: IntArray) -> BoolArray:
-    """Which pairs of passages come the same way, whatever roads overlap there: one begins on the way of the other."""
+    """Which pairs of passages come the same way, whatever roads overlap there: one begins on the
+    way of the other."""
     from shapely import distance, points
 
     first = scene.passages.first[which]
@@ -506,7 +525,8 @@ def _counting(scene: Scene) -> BoolArray:
 
 
 def crosses(scene: Scene) -> BoolArray:
-    """Passages that cross a way between two other roads: of each way its longest passage is compared."""
+    """Passages that cross a way between two other roads: of each way its longest passage is
+    compared."""
     from shapely import STRtree
 
     passages = scene.passages
@@ -576,7 +596,8 @@ def roundabout_exiting(scene: Scene) -> Hits:
 
 
 def roundabout_circulating(scene: Scene) -> Hits:
-    """13: in the ring for the whole window and half a window before and after, so that it is apart from entering and exiting."""
+    """13: in the ring for the whole window and half a window before and after, so that it is apart
+    from entering and exiting."""
     rules = scene.rules
     inside = scene.complete & always(
         _roles(scene) == ROLES.index(LaneRole.RING),
@@ -602,7 +623,8 @@ def _passages_between(scene: Scene, before: LaneRole, after: LaneRole) -> IntArr
 
 
 def _yields(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether ego was slow before it entered, or a vehicle in the ring was soon before or after it at the same place."""
+    """Whether ego was slow before it entered, or a vehicle in the ring was soon before or after it
+    at the same place."""
     rules = scene.rules
     earlier = np.maximum(
         row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None]

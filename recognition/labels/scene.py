@@ -102,7 +102,8 @@ def leads(
 
 
 def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
-    """The strip that each row's track takes next, as far as the track shows it; else the straightest."""
+    """The strip that each row's track takes next, as far as the track shows it; else the
+    straightest."""
     # Where a lane forks, a lead is one on the way that the vehicle takes, known from its later
     # rows.
     following = lanes.straight[strip]
@@ -148,7 +149,8 @@ def _measured(
 
 
 _IN_LANE = 0.2
-"""Greatest distance from the centre of the lane, in lane widths, of a still vehicle that queues; others are parked."""
+"""Greatest distance from the centre of the lane, in lane widths, of a still vehicle that queues;
+others are parked."""
 _SLOWEST = 0.5
 """Least mean speed of a vehicle that drives, by the area in which it moves, m/s"""
 EGOS = ("car", "van", "truck", "bus", "motorbike")
@@ -193,7 +195,8 @@ class Scene(SceneRows):
 
     @cached_property
     def vulnerable(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-        """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
+        """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0)
+        and cyclists."""
         cyclists = [
             name for name in self.names if self.recording.tracks[name].category == "bicycle"
         ]
@@ -247,7 +250,8 @@ class Scene(SceneRows):
 
     @cached_property
     def through(self) -> BoolArray:
-        """Rows on lanes that lead past ramps and junctions, or straight through a junction with another lane beside them."""
+        """Rows on lanes that lead past ramps and junctions, or straight through a junction with
+        another lane beside them."""
         lanes, roads = self.site.lanes, self.site.network.roads
         beside = Counter(
             (strip.road, strip.section, strip.forward)
@@ -268,7 +272,8 @@ class Scene(SceneRows):
         )
 
     def least_shift(self, row: IntArray) -> FloatArray:
-        """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
+        """Least lateral displacement (m) of a change into the lane of each row of which not all
+        need be recorded."""
         share = np.where(
             self.role[row] == ROLES.index(LaneRole.MAIN),
             self.rules.partial_shift,
@@ -277,7 +282,8 @@ class Scene(SceneRows):
         return share * self.lane_width(row)
 
     def steady(self, seconds: float) -> BoolArray:
-        """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
+        """Rows whose track keeps its lane, with all frames there, from so much before to so much
+        after."""
         half = self.rows(seconds)
         kept = (
             constant(values, half, self.first, self.last)
@@ -359,7 +365,8 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
 
 
 def is_parked(track: Track, rules: Rules) -> bool:
-    """Whether the reference point of a track stays within `rules.parked`, or half a metre for each second of a short track."""
+    """Whether the reference point of a track stays within `rules.parked`, or half a metre for each
+    second of a short track."""
     extent = math.hypot(*(float(np.ptp(track.columns[name])) for name in ("x", "y")))
     # A track of a second covers little even if the vehicle drives: the limit grows with its length.
     return extent < min(rules.parked, _SLOWEST * float(np.ptp(track.columns["time"])))
@@ -378,7 +385,8 @@ def _joined(tracks: list[Track], name: str) -> NDArray:
 
 
 def _parts(track: IntArray, frame: IntArray, gap: float) -> tuple[IntArray, IntArray]:
-    """First and last row of the part that each row is in, without gaps of more than so many missing frames."""
+    """First and last row of the part that each row is in, without gaps of more than so many missing
+    frames."""
     begins = np.ones(len(track), bool)
     begins[1:] = (np.diff(track) != 0) | (np.diff(frame) > 1.0 + gap)
     ends = np.append(np.flatnonzero(begins), len(track))
@@ -387,13 +395,15 @@ def _parts(track: IntArray, frame: IntArray, gap: float) -> tuple[IntArray, IntA
 
 
 def ahead_of(scene: Scene, rows: IntArray, seconds: float) -> IntArray:
-    """Indices (n, k) of the rows from each given one to `seconds` later; the last one that there is stands for those missing."""
+    """Indices (n, k) of the rows from each given one to `seconds` later; the last one that there is
+    stands for those missing."""
     steps = np.arange(scene.rows(seconds) + 1)
     return np.minimum(rows[:, None] + steps, scene.last[rows][:, None])
 
 
 def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArray:
-    """Rows of each track at which a flag holds, the first and then each at least `seconds` after the one before."""
+    """Rows of each track at which a flag holds, the first and then each at least `seconds` after
+    the one before."""
     candidates = np.flatnonzero(flags)
     ends = np.searchsorted(scene.track[candidates], np.arange(len(scene.names) + 1))
     apart = scene.rows(seconds)
@@ -434,12 +444,14 @@ PRECEDENCE = (
     Label.CAR_FOLLOWING,
     Label.FREE_CRUISE,
 )
-"""Of two events of one ego less than a window apart the one whose class comes first here stays; of equal ones the earlier."""
+"""Of two events of one ego less than a window apart the one whose class comes first here stays; of
+equal ones the earlier."""
 _DIGITS = 6
 
 
 class Hits(NamedTuple):
-    """Events of one class: ego's row at t*, a row of the partner or ABSENT, and values of the tags, all equally long."""
+    """Events of one class: ego's row at t*, a row of the partner or ABSENT, and values of the tags,
+    all equally long."""
 
     label: Label
     row: IntArray

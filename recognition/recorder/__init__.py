@@ -1,4 +1,5 @@
-"""Recordings of our own: SUMO's traffic on our maps, written as highD and INTERACTION recordings; see `record` and `SITES`.
+"""Recordings of our own: SUMO's traffic on our maps, written as highD and INTERACTION recordings;
+see `record` and `SITES`.
 
 Modules:
 

@@ -1,4 +1,5 @@
-"""SUMO simulation of the recorder: motion of vehicles as a sensor would measure it, without overlaps."""
+"""SUMO simulation of the recorder: motion of vehicles as a sensor would measure it, without
+overlaps."""
 
 from __future__ import annotations
 
@@ -239,7 +240,8 @@ def _smooth(values: FloatArray) -> FloatArray:
 def _headings(
     x: FloatArray, y: FloatArray, counts: IntArray, distance: FloatArray, h: FloatArray
 ) -> FloatArray:
-    """Headings of vehicles whose rear axles follow their front axles at a distance, from given headings at the start.
+    """Headings of vehicles whose rear axles follow their front axles at a distance, from given
+    headings at the start.
 
     While the front goes straight on, the tangent of half the angle between its direction and the
     heading fades exponentially (the tractrix). All vehicles take their first step, then all their
@@ -273,8 +275,9 @@ def _rate(values: FloatArray, counts: IntArray, rate: int) -> FloatArray:
 STEPS = 10
 """SUMO's time steps a second."""
 _SUBLANE = 4.0
-"""Width of the strips in which SUMO's drivers look for leaders, m: whole lanes. Drivers can be anywhere across them all the same;
-with narrower strips they swerve where the number of lanes changes, and squeeze past each other."""
+"""Width of the strips in which SUMO's drivers look for leaders, m: whole lanes. Drivers can be
+anywhere across them all the same; with narrower strips they swerve where the number of lanes
+changes, and squeeze past each other."""
 _SLOWEST = 1.0
 """SUMO may take this many times as long as the traffic that it simulates."""
 

@@ -32,7 +32,8 @@ def kerbside(
     *, lanes: int = 2, lane_width: float = 3.25, approach: float = 200.0, taper: float = 25.0, kerb: float = 250.0,
     speed_limit: float = 50 / 3.6,
 ) -> RoadMap:  # fmt: skip
-    """A straight street along the x axis with a lane at either kerb, for a while, in which people stop.
+    """A straight street along the x axis with a lane at either kerb, for a while, in which people
+    stop.
 
     Args:
         lanes: through lanes each way, with ids ±1 … ±lanes; the kerb's lanes come next.
@@ -112,7 +113,8 @@ class SimulatedSite:
 def _fixed_motorway(
     name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float
 ) -> SimulatedSite:
-    """Both carriageways of a straight motorway; the limit in km/h, the rate in vehicles per hour and direction."""
+    """Both carriageways of a straight motorway; the limit in km/h, the rate in vehicles per hour
+    and direction."""
     build = partial(
         straight_highway, lanes=lanes, opposite_lanes=lanes, length=1400.0, speed_limit=limit / 3.6
     )
@@ -226,7 +228,8 @@ Draw = np.random.Generator
 
 
 def family(seed: int, count: int) -> dict[str, SimulatedSite]:
-    """So many sites, each with a map of its own: `KINDS` one after the other, everything about them drawn.
+    """So many sites, each with a map of its own: `KINDS` one after the other, everything about them
+    drawn.
 
     Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and
     pace of traffic, and noise, distortion, dropped tracks and cut tracks of the sensor differ from

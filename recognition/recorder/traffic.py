@@ -60,10 +60,10 @@ class Kind(NamedTuple):
 
 
 Driver = dict[str, Normal | Uniform]
-"""Distributions of SUMO's parameters of a driver: `tau` is the desired headway (s), `minGap` the gap in a queue (m),
-`lcAssertive` the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and
-`lcKeepRight` the eagerness to overtake and to return, `lcSpeedGainLookahead` how far ahead slow
-vehicles are avoided (s)."""
+"""Distributions of SUMO's parameters of a driver: `tau` is the desired headway (s), `minGap` the
+gap in a queue (m), `lcAssertive` the factor by which smaller gaps are taken in lane changes,
+`lcSpeedGain` and `lcKeepRight` the eagerness to overtake and to return, `lcSpeedGainLookahead` how
+far ahead slow vehicles are avoided (s)."""
 
 
 class Fleet(NamedTuple):
@@ -161,7 +161,8 @@ Lane = tuple[str, int]
 
 
 class Flow(NamedTuple):
-    """Vehicles that drive from one lane's carriageway to another one's, in any lane of it; vehicles per hour."""
+    """Vehicles that drive from one lane's carriageway to another one's, in any lane of it; vehicles
+    per hour."""
 
     start: Lane
     end: Lane
@@ -204,7 +205,8 @@ class Departure(NamedTuple):
 def departures(
     flows: Sequence[Flow], fleet: Fleet, end: float, rng: np.random.Generator
 ) -> list[Departure]:
-    """Random traffic until the time `end` (s): a Poisson process for each flow, in the order of time."""
+    """Random traffic until the time `end` (s): a Poisson process for each flow, in the order of
+    time."""
     found = []
     for flow in flows:
         times = np.sort(rng.uniform(0.0, end, rng.poisson(flow.rate * end / 3600.0)))

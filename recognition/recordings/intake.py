@@ -1,4 +1,5 @@
-"""Intake of recordings: whether what was recorded is possible, with one verdict, reasons, and a number for the quality.
+"""Intake of recordings: whether what was recorded is possible, with one verdict, reasons, and a
+number for the quality.
 
 Each check looks at one property of all tracks: step of the clock, speeds by category, overlaps,
 missing frames, jumps, sizes, headings, and (on a map) the share of places on lanes and against the
@@ -22,10 +23,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _CREDIBLE = 1.25
-"""Greatest ratio of two speeds of the same motion, from the places and as stated, whichever is greater: smoothing and noise
-give a few percent"""
+"""Greatest ratio of two speeds of the same motion, from the places and as stated, whichever is
+greater: smoothing and noise give a few percent"""
 _SPREAD = 0.1
-"""Quartiles of that ratio are within this share of its median where one factor (a wrong step or unit) explains it"""
+"""Quartiles of that ratio are within this share of its median where one factor (a wrong step or
+unit) explains it"""
 MOVED = 1.0
 """Least way in a second (m) of motion that is compared"""
 _FACING = 3.0
@@ -38,7 +40,8 @@ _FASTEST = {
     "car": 70.0, "van": 60.0, "truck": 45.0, "trailer": 45.0, "bus": 45.0, "tram": 35.0, "motorbike": 80.0, "bicycle": 16.0,
     "pedestrian": 7.0,
 }  # fmt: skip
-"""Speed (m/s) above which hardly any of a category moves: a bicycle downhill, a sprinting pedestrian"""
+"""Speed (m/s) above which hardly any of a category moves: a bicycle downhill, a sprinting
+pedestrian"""
 _HARDEST = 12.0
 """Change of speed in a second, m/s², that no road vehicle reaches: dry tyres transmit 10"""
 _SHARE = 0.2
@@ -48,9 +51,11 @@ _SOME = 0.5
 _MOMENTS = 25
 """Moments at which boxes are compared"""
 _SHRUNK, _INSIDE = 0.9, 0.1
-"""Share of the sides of boxes that is compared, as sizes are rough; least share of the smaller box that another one covers"""
+"""Share of the sides of boxes that is compared, as sizes are rough; least share of the smaller box
+that another one covers"""
 _OVERLAPPING = 0.05
-"""Greatest share of vehicles inside others in a scene: trailers, loads, and vehicles that were tracked twice for a while"""
+"""Greatest share of vehicles inside others in a scene: trailers, loads, and vehicles that were
+tracked twice for a while"""
 _FEWEST = 3
 """Fewest vehicles at which overlaps say something of the whole recording: two may collide"""
 _OWN_CLOCK = 0.8
@@ -62,13 +67,15 @@ _BOXES = {
     "truck": ((3.0, 30.0), (1.3, 4.2)),
     "bus": ((4.0, 30.0), (1.5, 4.2)),
 }
-"""Least and greatest length and width (m) of most of a category; the limits of units, not of vehicles"""
+"""Least and greatest length and width (m) of most of a category; the limits of units, not of
+vehicles"""
 _BACKWARDS = math.radians(120.0)
 """Angle between heading and motion above which a vehicle goes backwards"""
 
 
 class _Rows(NamedTuple):
-    """Rows of the tracks of a recording as they were recorded: number of the track, time (s), place (m), heading, speed."""
+    """Rows of the tracks of a recording as they were recorded: number of the track, time (s), place
+    (m), heading, speed."""
 
     track: IntArray
     time: FloatArray
@@ -146,7 +153,8 @@ def examine(recording: Recording, report: Report) -> Recording:
 
 
 def _step(rows: _Rows, seconds: _Second, step: float) -> Check | None:
-    """Compare the speeds of the places with those stated; one ratio for all is that of a wrong step or unit."""
+    """Compare the speeds of the places with those stated; one ratio for all is that of a wrong step
+    or unit."""
     moving = seconds.way >= MOVED
     here, there, time, way = (
         seconds.here[moving],
@@ -166,7 +174,8 @@ def ratio_of_speeds(
 
 
 def check_ratio(ratio: FloatArray, step: float) -> Check | None:
-    """Say which step would fit, or in which unit speeds are, where places do not move at the stated speeds."""
+    """Say which step would fit, or in which unit speeds are, where places do not move at the stated
+    speeds."""
     if not len(ratio):
         return None
     low, middle, high = (float(quartile) for quartile in np.quantile(ratio, (0.25, 0.5, 0.75)))
@@ -193,7 +202,8 @@ def check_ratio(ratio: FloatArray, step: float) -> Check | None:
 
 
 def one_factor(ratio: FloatArray) -> float | None:
-    """Return the median of ratios (n,) of speeds if it explains nearly all of them, and they differ; else None."""
+    """Return the median of ratios (n,) of speeds if it explains nearly all of them, and they
+    differ; else None."""
     low, middle, high = (
         (float(quartile) for quartile in np.quantile(ratio, (0.25, 0.5, 0.75)))
         if len(ratio)
@@ -206,7 +216,8 @@ def one_factor(ratio: FloatArray) -> float | None:
 def _plausible(
     rows: _Rows, seconds: _Second, tracks: Sequence[Track]
 ) -> tuple[Check | None, list[int]]:
-    """Check speeds and their changes by category; with the numbers of tracks that are too fast throughout."""
+    """Check speeds and their changes by category; with the numbers of tracks that are too fast
+    throughout."""
     if not len(seconds.here):
         return None, []
     fastest = np.array([_FASTEST.get(track.category, math.inf) for track in tracks])
@@ -247,7 +258,8 @@ def _plausible(
 
 
 def _hard(rows: _Rows, seconds: _Second, motor: BoolArray) -> float:
-    """Share of a vehicle's seconds, of those that another second follows, in which its speed changes too hard."""
+    """Share of a vehicle's seconds, of those that another second follows, in which its speed
+    changes too hard."""
     speed = np.full(len(rows.track), np.nan)
     speed[seconds.here] = seconds.way / seconds.time
     change = np.abs(speed[seconds.there] - speed[seconds.here]) / seconds.time
@@ -291,7 +303,8 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
 
 
 def overlapping(tracks: Sequence[Track], time: float) -> tuple[IntArray, int]:
-    """Pairs (n, 2) of tracks whose boxes are inside each other at a time (s), and how many tracks are there then."""
+    """Pairs (n, 2) of tracks whose boxes are inside each other at a time (s), and how many tracks
+    are there then."""
     from shapely import STRtree, area, intersection, polygons
 
     there, corners = [], []

@@ -1,4 +1,5 @@
-"""Report on reading a recording: gaps, cuts, exclusions, and the checks of its intake with a verdict and a quality."""
+"""Report on reading a recording: gaps, cuts, exclusions, and the checks of its intake with a
+verdict and a quality."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ class Gap(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Cut of a track in two: a jump by `distance` (m), or missing rows (distance 0), between two times (s).
+    """Cut of a track in two: a jump by `distance` (m), or missing rows (distance 0), between two
+    times (s).
 
     rest: name of the track that goes on; None where too little of it is left.
     """
@@ -30,7 +32,8 @@ class Cut(NamedTuple):
 
 
 class Exclusion(NamedTuple):
-    """Something of a source that is not in its recording: a track or an element, how many rows of it, and why."""
+    """Something of a source that is not in its recording: a track or an element, how many rows of
+    it, and why."""
 
     what: str
     rows: int

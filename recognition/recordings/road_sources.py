@@ -1,4 +1,5 @@
-"""Roads of recordings without an OpenDRIVE file: highD's markings, lateral positions of traffic, Lanelet2 maps."""
+"""Roads of recordings without an OpenDRIVE file: highD's markings, lateral positions of traffic,
+Lanelet2 maps."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
 
 def keep_road(content: bytes, site: str, folder: Path) -> Path:
-    """Write the OpenDRIVE file of a site; named by its own content, so that roles that a person edited stay with it."""
+    """Write the OpenDRIVE file of a site; named by its own content, so that roles that a person
+    edited stay with it."""
     name = "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in site)
     return keep(content, folder / f"{name}-{digest(content)}.xodr")
 
@@ -111,7 +113,8 @@ class Highway:
         return self.upper[-1] < self.lower[0]
 
     def borders(self, side: int) -> list[float]:
-        """Distances of a side's lane borders from the reference line, ascending from 0; side is 1 (left) or -1 (right)."""
+        """Distances of a side's lane borders from the reference line, ascending from 0; side is 1
+        (left) or -1 (right)."""
         markings = reversed(self.upper) if side > 0 else self.lower
         away = [side * (-y - self.middle) for y in markings]
         return [0.0, *away] if self.median else away
@@ -141,7 +144,8 @@ class Highway:
         return RoadMap(name, (road,))
 
     def places(self, x: FloatArray, y: FloatArray) -> dict[str, NDArray[Any]]:
-        """Road coordinates of world positions: columns road_id, lane_id, s, t and lane_offset of a recording.
+        """Road coordinates of world positions: columns road_id, lane_id, s, t and lane_offset of a
+        recording.
 
         As `xodr.model.road.Road.point` has it: beside the road the nearest lane counts, on a border
         the inner one.
@@ -164,7 +168,8 @@ class Highway:
         }
 
     def write(self, name: str, folder: Path) -> Path:
-        """Write the road into a folder, under a name that differs for roads of other content; the file's path.
+        """Write the road into a folder, under a name that differs for roads of other content; the
+        file's path.
 
         Raises:
             UsageError: the folder can't be written.
@@ -217,7 +222,8 @@ def straight_road(recording: Recording, name: str) -> RoadMap:
 
 
 def _numbered(y: FloatArray, number: IntArray) -> dict[float, str]:
-    """Middle of each lane from left to right with its type; of lanes at the same place the one with most rows counts."""
+    """Middle of each lane from left to right with its type; of lanes at the same place the one with
+    most rows counts."""
     lanes, counts = np.unique(number, return_counts=True)
     kept: dict[float, str] = {}
     for index in np.argsort(-counts, kind="stable").tolist():

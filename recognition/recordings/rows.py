@@ -115,7 +115,8 @@ class Rows:
         return np.add.reduceat(values, self.starts[:-1])
 
     def report(self, names: list[str]) -> Report:
-        """Counts, a gap for each stretch of missing frames, an exclusion for each track with repeated rows."""
+        """Counts, a gap for each stretch of missing frames, an exclusion for each track with
+        repeated rows."""
         late = np.flatnonzero(self.first[1:] > self.first[:-1]) + 1
         late = late[~np.isin(late, self.starts)]
         track = np.searchsorted(self.starts, late, side="right") - 1
@@ -179,7 +180,8 @@ def in_order(
 
 
 class Parted(NamedTuple):
-    """Rows of tracks that were cut. kept: which of the rows before are among them. origin: the track before of each track."""
+    """Rows of tracks that were cut. kept: which of the rows before are among them. origin: the
+    track before of each track."""
 
     rows: Rows
     kept: NDArray[np.bool_]
@@ -288,17 +290,21 @@ def _part(columns: Columns, start: int, end: int) -> Columns:
 
 
 REACH = 0.5
-"""Rates are differences over this time to either side, s: positions that are 0.1 m off then spoil a speed by 0.1 m/s."""
+"""Rates are differences over this time to either side, s: positions that are 0.1 m off then spoil a
+speed by 0.1 m/s."""
 STANDING = 0.5
 """Below this speed (m/s) the direction of motion is noise: the heading stays."""
 _CREDIBLE = (0.8, 1.25)
-"""Given velocities over those of the positions, as a whole: outside of this the given ones have another unit or sign."""
+"""Given velocities over those of the positions, as a whole: outside of this the given ones have
+another unit or sign."""
 _FACING = 0.9
-"""Share of the way that vehicles go forwards at least: none goes backwards for long, and none sidewards."""
+"""Share of the way that vehicles go forwards at least: none goes backwards for long, and none
+sidewards."""
 
 
 def rate(values: FloatArray, rows: Rows) -> FloatArray:
-    """Rate of change, per s: a central difference, shorter at the ends of a piece; 0 where there is nothing to compare."""
+    """Rate of change, per s: a central difference, shorter at the ends of a piece; 0 where there is
+    nothing to compare."""
     # Not across a piece's ends: a difference over missing frames is a mean, not a rate.
     reach = max(1, round(REACH / rows.step))
     here = np.arange(len(rows))
@@ -310,7 +316,8 @@ def rate(values: FloatArray, rows: Rows) -> FloatArray:
 
 
 def heading_of_motion(vx: FloatArray, vy: FloatArray, rows: Rows) -> FloatArray:
-    """Direction of the velocity, rad. While standing that of the last motion, before the first motion that of the first.
+    """Direction of the velocity, rad. While standing that of the last motion, before the first
+    motion that of the first.
 
     Tracks that never move have the heading 0.
     """
@@ -358,7 +365,8 @@ _ENDING = "_tracks.csv"
 _SLOWEST = 1.0
 """Least frames a second"""
 _ROUNDED = 0.011
-"""Sizes of one participant in two files differ by no more, m, where both are rounded to centimetres."""
+"""Sizes of one participant in two files differ by no more, m, where both are rounded to
+centimetres."""
 
 
 def number(path: Path) -> str:
@@ -372,7 +380,8 @@ def beside(path: Path, kind: str) -> Path:
 
 
 def is_tracks(path: Path, *, centred: bool) -> bool:
-    """Whether a file has tracks by their centres, or else by corners; without its recordingMeta it is one if it is numbered."""
+    """Whether a file has tracks by their centres, or else by corners; without its recordingMeta it
+    is one if it is numbered."""
     named = path.name.endswith(_ENDING) and (
         number(path).isdecimal() or beside(path, "recordingMeta").is_file()
     )
@@ -443,7 +452,8 @@ def other_sizes(
     *,
     first_counts: bool = False,
 ) -> list[str]:
-    """A remark where first rows of tracks have other sizes than tracksMeta; `index` is its row of each track.
+    """A remark where first rows of tracks have other sizes than tracksMeta; `index` is its row of
+    each track.
 
     Args:
         first_counts: whether those of the first rows count, not those of tracksMeta.

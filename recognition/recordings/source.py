@@ -1,4 +1,5 @@
-"""Data sets of recordings: their sources, reports of what was repaired or left out, and the readers' participants."""
+"""Data sets of recordings: their sources, reports of what was repaired or left out, and the
+readers' participants."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ class SiteRoad(NamedTuple):
 
 
 _STOP_LINE, _APPROACH = 3.0, 8.0
-"""Greatest distance (m) of a vehicle's way from the stop line of its light, and time (s) within which it passes there"""
+"""Greatest distance (m) of a vehicle's way from the stop line of its light, and time (s) within
+which it passes there"""
 
 
 class LightStates(NamedTuple):
@@ -57,7 +59,8 @@ class LightStates(NamedTuple):
     states: tuple[tuple[str, ...], ...]
 
     def ahead(self, track: Track, time: float) -> str | None:
-        """Return the state at a time (s) of the light whose stop line a track passes soonest before or after; None for none."""
+        """Return the state at a time (s) of the light whose stop line a track passes soonest before
+        or after; None for none."""
         import numpy as np
 
         columns = track.columns
@@ -328,7 +331,8 @@ _OF_FOLDER = ("nuScenes", "Argoverse 2", "run")
 
 
 def _belongs(file: Path, found: Sequence[Source]) -> bool:
-    """Whether a file without a recording of its own is part of another recording, or no data at all."""
+    """Whether a file without a recording of its own is part of another recording, or no data at
+    all."""
     if _BESIDE.fullmatch(file.name):
         return True
     folders = [source.path.parent for source in found if source.format in _OF_FOLDER]
@@ -350,7 +354,8 @@ def named(files: Sequence[Path]) -> str:
 
 
 def _sources(file: Path, formats: Sequence[Any], roads: Path) -> list[Source]:
-    """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
+    """The recordings in a file. One that can't be read may be a recording or not: a source that
+    says so when it is loaded."""
     try:
         current().admit(file)
         if file.suffix.lower() in _SUFFIXES and file.stat().st_size <= LONGEST_POINTER:

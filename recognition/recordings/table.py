@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 
 
 Kind = Literal["whole", "integer", "stamp", "number", "optional", "text", "label"]
-"""Of a column: whole numbers from 0, integers (both up to 2⁵³), time stamps (whole numbers up to 2⁶³), finite numbers, numbers
-that may be blank (NaN), text, or text that may be blank (None). Text is printable: it becomes names
-in XML and on terminals."""
+"""Of a column: whole numbers from 0, integers (both up to 2⁵³), time stamps (whole numbers up to
+2⁶³), finite numbers, numbers that may be blank (NaN), text, or text that may be blank (None). Text
+is printable: it becomes names in XML and on terminals."""
 
 GREATEST = 1e9
-"""Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
+"""Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of
+the file."""
 WHOLE_TURN = math.tau + 0.01
 """Greatest heading of files in rad: beyond, it is in other units"""
 BLANK = ("", "nan", "na", "n/a", "null")
@@ -55,7 +56,8 @@ def arrow_type(kind: Kind) -> pa.DataType:
 
 
 def checked(table: pa.Table, kinds: Mapping[str, Kind]) -> dict[str, np.ndarray] | None:
-    """The columns of a table, which have their types, as arrays that can be written to; None where a value is not of its kind."""
+    """The columns of a table, which have their types, as arrays that can be written to; None where
+    a value is not of its kind."""
     columns = {}
     for name, kind in kinds.items():
         values = table[name].to_numpy()
@@ -164,7 +166,8 @@ class Table:
 
 
 def column_names(path: Path) -> list[str]:
-    """Names of the columns of a Parquet or Feather file, or in the first line of a CSV file ("" where one has none).
+    """Names of the columns of a Parquet or Feather file, or in the first line of a CSV file (""
+    where one has none).
 
     Raises:
         InvalidFile: the file can't be read, is empty, or is not UTF-8 text.
@@ -174,7 +177,8 @@ def column_names(path: Path) -> list[str]:
 
 
 def first_numbers(path: Path) -> list[float]:
-    """The numbers in the first line of text without a header; none where it has anything else, or can't be read."""
+    """The numbers in the first line of text without a header; none where it has anything else, or
+    can't be read."""
     try:
         with path.open("rb") as file:
             return [float(word) for word in file.readline(_LONGEST_HEADER).split()]

@@ -1,4 +1,5 @@
-"""Sites: places of recordings with their roads, the fit of a map to a recording, and the role of each lane.
+"""Sites: places of recordings with their roads, the fit of a map to a recording, and the role of
+each lane.
 
 Modules:
 
@@ -67,15 +68,17 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
 
 
 _LEAST_ON_ROAD = 1.0 / 3.0
-"""Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of the real recordings."""
+"""Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of
+the real recordings."""
 _MOST_ON_ROAD = 0.98
 """Share from which nothing is said"""
 _MOST_ASTRAY = 1.0 / 3.0
-"""Greatest share of places where vehicles go astray: on its own map it is 3 % in the worst of the real recordings, on that of
-another junction, or turned or mirrored, mostly 45 % and more where five move. Of four, two may have
-ways that it lacks."""
+"""Greatest share of places where vehicles go astray: on its own map it is 3 % in the worst of the
+real recordings, on that of another junction, or turned or mirrored, mostly 45 % and more where five
+move. Of four, two may have ways that it lacks."""
 _ASTRAY = math.radians(45.0)
-"""Vehicles whose motion is more than this away from the traffic of their lane (rad) go across it or against it."""
+"""Vehicles whose motion is more than this away from the traffic of their lane (rad) go across it or
+against it."""
 _MOVING = 2.0
 """Least speed of vehicles whose direction of motion counts, m/s."""
 _SAMPLED = 500
@@ -83,7 +86,8 @@ _SAMPLED = 500
 
 
 def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
-    """Compare a map, by its `name`, with a recording: it may be that of another place, or lack lanes."""
+    """Compare a map, by its `name`, with a recording: it may be that of another place, or lack
+    lanes."""
     on_road, astray = share_on_road(recording, network), share_astray(recording, network)
     needed = "a map of this place is needed, in the same coordinates"
     found = []
@@ -114,7 +118,8 @@ def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
 
 
 def share_on_road(recording: Recording, network: RoadNetwork) -> float:
-    """Share of the places of vehicles that are on a lane, by some of all; 1 where there is no vehicle.
+    """Share of the places of vehicles that are on a lane, by some of all; 1 where there is no
+    vehicle.
 
     Vehicles that never move may be parked beside the road: they count only where no other is.
     """
@@ -125,7 +130,8 @@ def share_on_road(recording: Recording, network: RoadNetwork) -> float:
 
 
 def share_astray(recording: Recording, network: RoadNetwork) -> float:
-    """Share of the places on lanes where moving vehicles go across the lane or against its traffic, by some of all.
+    """Share of the places on lanes where moving vehicles go across the lane or against its traffic,
+    by some of all.
 
     Cyclists don't count, nor does the vehicle that goes astray most: a single one may turn where
     the map has no lane. 0 where there is no other.
@@ -185,7 +191,8 @@ def _way(network: RoadNetwork, point: RoadPoint) -> float:
 
 
 FAST = 70.0 / 3.6 + 0.01
-"""Roads with a limit above this (m/s) are no urban ones: METHOD says at most 70 km/h, and files round."""
+"""Roads with a limit above this (m/s) are no urban ones: METHOD says at most 70 km/h, and files
+round."""
 _ENTERING = ("onRamp", "entry", "mwyEntry")
 _LEAVING = ("offRamp", "exit", "mwyExit")
 _LIGHT = "1000001"
@@ -251,7 +258,8 @@ class _Proposal:
         return LaneRole.URBAN
 
     def _fast(self, strip: Strip) -> bool:
-        """Whether a strip is no urban one. Where the map has neither kind nor limit, crossings and slow traffic make it urban."""
+        """Whether a strip is no urban one. Where the map has neither kind nor limit, crossings and
+        slow traffic make it urban."""
         road = self._network.roads[strip.road]
         kind = road.road_type(0.5 * (strip.start + strip.end))
         if kind != "unknown" or math.isfinite(strip.speed_limit):
@@ -261,7 +269,8 @@ class _Proposal:
         return self._driven > FAST and not self._crossings and not self._rings
 
     def _crossing(self, junction_id: str) -> bool | None:
-        """Whether a junction has traffic lights; None where it is no junction: no way crosses or turns, or it is on a ring."""
+        """Whether a junction has traffic lights; None where it is no junction: no way crosses or
+        turns, or it is on a ring."""
         junction = self._network.junctions[junction_id]
         inside = (
             {connection.connecting_road for connection in junction.connections}
@@ -366,7 +375,8 @@ def site_at(
 
 
 def site_of(source: Source, recording: Recording, roads: Path) -> Site:
-    """The site of a recording. What was assumed, changed or left out to make its road joins the remarks of the source's report.
+    """The site of a recording. What was assumed, changed or left out to make its road joins the
+    remarks of the source's report.
 
     The road that the user names (`--road`) counts first. highD: the road that the recording brings
     along. Own runs: theirs. Others: `<site>.xodr` beside the tracks, else a road made of the site's

@@ -26,7 +26,8 @@ class Tolerance(NamedTuple):
 
 
 def needed(time: FloatArray, values: FloatArray) -> IntArray:
-    """Rows between which values (n, k) are linear in time but for less than 1, ends included (Douglas and Peucker, 1973)."""
+    """Rows between which values (n, k) are linear in time but for less than 1, ends included
+    (Douglas and Peucker, 1973)."""
     kept = {0, len(time) - 1}
     pending = [(0, len(time) - 1)]
     while pending:
@@ -61,7 +62,8 @@ def vertices(columns: Mapping[str, np.ndarray], tolerance: Tolerance) -> IntArra
 
 
 class _Motion(NamedTuple):
-    """Recorded motion of a track (n,) each: s; m; rad, unwrapped; m/s and m/s² along its direction, forward or back."""
+    """Recorded motion of a track (n,) each: s; m; rad, unwrapped; m/s and m/s² along its direction,
+    forward or back."""
 
     time: FloatArray
     x: FloatArray
@@ -109,7 +111,8 @@ EGO = "Ego"
 _SAME_TIME = 1e-6
 """Times (s) that are the same but for rounding."""
 _STEP, _SOON = 0.05, 0.25
-"""Step of runs (s): an entity that enters between two steps is late by up to one. Latest entry (s) instead."""
+"""Step of runs (s): an entity that enters between two steps is late by up to one. Latest entry (s)
+instead."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +250,8 @@ class SceneCutter:
         return self._numbers[track.name]
 
     def _part(self, name: str, track: Track, rows: IntArray, tolerance: Tolerance) -> Part:
-        """A participant with the vertices of its track within the scene, and its first and last row there."""
+        """A participant with the vertices of its track within the scene, and its first and last row
+        there."""
         key = track.name, tolerance
         if key not in self._vertices:
             self._vertices[key] = vertices(track.columns, tolerance)
@@ -262,7 +266,8 @@ def _between(time: FloatArray, start: float, end: float) -> IntArray:
 
 
 def _entrance(time: FloatArray) -> int:
-    """First row of an entering vehicle, at times (s) from the scene's start, that is at a step of usual runs."""
+    """First row of an entering vehicle, at times (s) from the scene's start, that is at a step of
+    usual runs."""
     soon = time[
         : min(int(np.searchsorted(time, time[0] + _SOON)), len(time) - 1)
     ]  # a trajectory has two rows

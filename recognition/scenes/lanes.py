@@ -1,4 +1,5 @@
-"""The lanes of a road network as a graph in the direction of their traffic, for looking up many rows at once.
+"""The lanes of a road network as a graph in the direction of their traffic, for looking up many
+rows at once.
 
 A strip is one lane within one lane section. Left and right are those of the strip's traffic."""
 
@@ -33,7 +34,8 @@ _TOUCH = 0.9
 _SHARED = 6.0
 """Least length of a common border, m: lanes that follow each other touch at a corner"""
 _BESIDE = 2.0
-"""Greatest distance beside a lane, or beyond the end of its road, of a row that counts as on the lane, m."""
+"""Greatest distance beside a lane, or beyond the end of its road, of a row that counts as on the
+lane, m."""
 
 
 class Strip(NamedTuple):
@@ -109,7 +111,8 @@ class LaneGraph:
         return self._lookup.find(road_id, lane_id, s)
 
     def contains(self, strip: IntArray, s: FloatArray, offset: FloatArray) -> BoolArray:
-        """Whether rows at s and an offset from the lane's centre (m) are on their strip, but for a tolerance of `_BESIDE`."""
+        """Whether rows at s and an offset from the lane's centre (m) are on their strip, but for a
+        tolerance of `_BESIDE`."""
         along = (s >= self._start[strip] - _BESIDE) & (s <= self._end[strip] + _BESIDE)
         return (strip != NOWHERE) & along & (np.abs(offset) <= 0.5 * self.width[strip] + _BESIDE)
 
@@ -125,7 +128,8 @@ class LaneGraph:
         return self.strips[number].start < end and self.strips[number].end > start
 
     def along(self, strip: IntArray, s: FloatArray) -> FloatArray:
-        """Distance from the beginning of each row's strip in the direction of its traffic, along its centre line, m."""
+        """Distance from the beginning of each row's strip in the direction of its traffic, along
+        its centre line, m."""
         start, end = self._start[strip], self._end[strip]
         way = np.where(self.forward[strip], s - start, end - s)
         return way * self.length[strip] / np.maximum(end - start, 1e-9)
@@ -138,7 +142,8 @@ class LaneGraph:
         return road.heading(of.start + way) if of.forward else road.heading(of.end - way) + math.pi
 
     def lanes_left(self, one: int, other: int) -> int | None:
-        """Return the number of lanes that a strip lies to the left of another one beside or before it; None for neither.
+        """Return the number of lanes that a strip lies to the left of another one beside or before
+        it; None for neither.
 
         A strip that follows counts as 0, as do those that follow it within a few steps: short ones
         are skipped between rows. Of two that follow, the one that bears away from the other counts
@@ -165,7 +170,8 @@ class LaneGraph:
         return a.place - b.place
 
     def _related(self, one: int, other: int, both: bool = True) -> int | None:
-        """Return the lanes between strips outside of junctions that lead to lanes beside each other, or also come from such."""
+        """Return the lanes between strips outside of junctions that lead to lanes beside each
+        other, or also come from such."""
         if self._in_junction(one, other):
             return None
         links = (self.following, self.preceding) if both else (self.following,)
@@ -173,7 +179,8 @@ class LaneGraph:
         return next((steps for a, b in pairs if (steps := self._beside(a, b))), None)
 
     def side_by_side(self, one: int, other: int) -> int | None:
-        """Return 1 where the other strip, of another road, touches the left border of one, -1 for the right one; None for neither."""
+        """Return 1 where the other strip, of another road, touches the left border of one, -1 for
+        the right one; None for neither."""
         if self.road[one] == self.road[other] or self._in_junction(one, other):
             return None
         lines = [self.centre_line(strip) for strip in (one, other)]
@@ -194,7 +201,8 @@ class LaneGraph:
         return int(np.sign(across[near].mean()))
 
     def centre_line(self, number: int, count: int | None = None) -> FloatArray:
-        """Points (count + 1, 2) on a strip's centre line, in the direction of its traffic; 2 m apart by default."""
+        """Points (count + 1, 2) on a strip's centre line, in the direction of its traffic; 2 m
+        apart by default."""
         strip = self.strips[number]
         ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)
         s = np.linspace(*ends, 1 + (count or math.ceil((strip.end - strip.start) / _STEP)))
@@ -207,7 +215,8 @@ class LaneGraph:
         return any(road.junction_id is not None for road in roads)
 
     def _splits(self, one: int, other: int) -> int:
-        """Return the number of lanes to the left by which `other` bears away where `one` splits into lanes side by side."""
+        """Return the number of lanes to the left by which `other` bears away where `one` splits
+        into lanes side by side."""
         for sibling in self.following[one]:
             steps = self._related(sibling, other, both=False)
             if steps and self._aside(other) > self._aside(sibling):
@@ -288,7 +297,8 @@ class LaneGraph:
 
 
 def _from_left(from_right: tuple[int, ...], forward: dict[int, bool], way: bool) -> list[int]:
-    """Lanes of one direction from the left to the right of their traffic, given all lanes in ascending t."""
+    """Lanes of one direction from the left to the right of their traffic, given all lanes in
+    ascending t."""
     lanes = [lane for lane in from_right if forward[lane] == way]
     return lanes[::-1] if way else lanes
 
@@ -338,7 +348,8 @@ def on_lanes(recording: Recording, network: RoadNetwork, ego: str, times: FloatA
 
 
 def on_driving_lanes(lanes: LaneGraph, network: RoadNetwork, places: Places, poses: Poses) -> None:
-    """Move places of motor vehicles to the driving lane below that is best aligned, if there is one: those for bicycles overlap.
+    """Move places of motor vehicles to the driving lane below that is best aligned, if there is
+    one: those for bicycles overlap.
 
     Args:
         places: road coordinates (n,), changed in place.

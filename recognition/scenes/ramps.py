@@ -32,13 +32,15 @@ _REACH = 7.0
 _HINT = 0.5
 """Weight of what says which way is the ramp if only the map's roads say that there are two"""
 _SLOW_SIDE = 0.7
-"""Logarithm of the odds that the way at the side of slow traffic is the ramp: maps may lack the rule of traffic"""
+"""Logarithm of the odds that the way at the side of slow traffic is the ramp: maps may lack the
+rule of traffic"""
 _LOOK = 50.0
 """Way (m) on which lanes that part have come apart"""
 _LEAST = 12.0
 """Way (m) that both go on at least after they have parted"""
 _LONGEST = 800.0
-"""Greatest length (m) of a lane beside through lanes that belongs to a ramp; HCM's weaving segments end there"""
+"""Greatest length (m) of a lane beside through lanes that belongs to a ramp; HCM's weaving segments
+end there"""
 _RAMP = 1500.0
 """Greatest length of a ramp, m"""
 _ACCESS = 300.0
@@ -57,7 +59,8 @@ class LaneGuess(NamedTuple):
 def ramp_roles(
     network: RoadNetwork, graph: LaneGraph, roles: dict[int, LaneRole]
 ) -> dict[int, LaneGuess]:
-    """Return the strips whose role by itself is another one in view of the lanes beside, before and behind them.
+    """Return the strips whose role by itself is another one in view of the lanes beside, before and
+    behind them.
 
     Args:
         roles: of strips by themselves. Main lanes may be ramps; so may urban lanes that lead to
@@ -153,7 +156,8 @@ class _Places:
         return found
 
     def ahead(self, place: int, distance: float, way: int) -> list[tuple[int, float]]:
-        """Places a distance ahead (0) or back (1) by all ways, or at their ends; the way to each, m."""
+        """Places a distance ahead (0) or back (1) by all ways, or at their ends; the way to each,
+        m."""
         found, waiting, seen = [], [(place, 0.0)], {place}
         while waiting:
             here, gone = waiting.pop()
@@ -181,7 +185,8 @@ class _Places:
 
 
 def _sampled(network: RoadNetwork, graph: LaneGraph, number: int) -> FloatArray:
-    """x, y, heading, width and length of each place of a strip (n, 5), in the direction of its traffic."""
+    """x, y, heading, width and length of each place of a strip (n, 5), in the direction of its
+    traffic."""
     strip = graph.strips[number]
     count = max(1, math.ceil((strip.end - strip.start) / _STEP))
     line = graph.centre_line(number, count)
@@ -300,7 +305,8 @@ class _Ramps:
                     yield gore
 
     def _last_beside(self, one: int, other: int, onward: list[list[int]]) -> bool:
-        """Whether two places side by side are the last ones: none of their followers are side by side."""
+        """Whether two places side by side are the last ones: none of their followers are side by
+        side."""
         following = {other, *onward[other]}
         following.update(after for between in onward[other] for after in onward[between])
         nexts = [after for following in onward[one] for after in (following, *onward[following])]
@@ -389,7 +395,8 @@ class _Ramps:
         return self._network.roads[strip.road].rule
 
     def _region(self, first: int, gore: _Gore, trunk: set[int], found: dict[int, float]) -> None:
-        """Add the strips of a ramp from a gore on, up to the lanes that it joins or leaves at its other end."""
+        """Add the strips of a ramp from a gore on, up to the lanes that it joins or leaves at its
+        other end."""
         confidence = _sigmoid(abs(gore.score))
         start = int(self._places.strip[first])
         own = set(self._strips(gore.trunk))
@@ -413,7 +420,8 @@ class _Ramps:
         self, place: int, gore: _Gore, regions: tuple[dict[int, float], dict[int, float]],
         found: dict[int, LaneGuess],
     ) -> None:  # fmt: skip
-        """Add a lane beside through lanes that leads to a ramp only, from where it begins; with merging ramps, reversed."""
+        """Add a lane beside through lanes that leads to a ramp only, from where it begins; with
+        merging ramps, reversed."""
         role = LaneRole.ON_RAMP if gore.way else LaneRole.OFF_RAMP
         back = 1 - gore.way
         chain, length = [], 0.0
@@ -448,7 +456,8 @@ class _Ramps:
         return beyond > behind if way == 0 else behind > beyond
 
     def _ends(self, found: dict[int, LaneGuess]) -> dict[int, LaneGuess]:
-        """Lanes at the slow side from the map's border to their end beside others, or from a beginning to the border."""
+        """Lanes at the slow side from the map's border to their end beside others, or from a
+        beginning to the border."""
         unsure: dict[int, LaneGuess] = {}
         for way, verb, far in ((0, "ends", "begins"), (1, "begins", "ends")):
             for strip in sorted(self._known):

@@ -1,5 +1,5 @@
-"""Roles of lanes by their shapes: rings of roundabouts are short, round cycles of one-way lanes; at crossings ways cross or
-turn."""
+"""Roles of lanes by their shapes: rings of roundabouts are short, round cycles of one-way lanes; at
+crossings ways cross or turn."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ LONGEST = 400.0
 ROUNDNESS = 0.8
 """Least 4π·area/perimeter² (1 for a circle): a square has 0.785, an ellipse of 2 : 1 0.84."""
 _SIXTH = math.radians(10.0)
-"""Least turn of each sixth of a ring, rad: a sixth of a circle turns by 60 degrees, the side of a block, a quarter, by none."""
+"""Least turn of each sixth of a ring, rad: a sixth of a circle turns by 60 degrees, the side of a
+block, a quarter, by none."""
 _LEAST_WAYS = 2
 """Least number of lanes that lead into a ring, and out of it."""
 _ISLAND = 2.5
@@ -132,7 +133,8 @@ def _has_lanes_inside(graph: LaneGraph, outline: Polygon, ring: set[int]) -> boo
 
 
 def _turns_one_way(points: FloatArray) -> bool:
-    """Whether each sixth of a closed line of points (n, 2) turns to the side to which the whole turns, by `_SIXTH` or more."""
+    """Whether each sixth of a closed line of points (n, 2) turns to the side to which the whole
+    turns, by `_SIXTH` or more."""
     steps = np.roll(points, -1, axis=0) - points
     length = np.hypot(*steps.T)
     steps, length = steps[length > _SHORT], length[length > _SHORT]
@@ -151,7 +153,8 @@ def _turns_one_way(points: FloatArray) -> bool:
 
 
 def crosses_or_turns(network: RoadNetwork, graph: LaneGraph, ways: list[int]) -> bool:
-    """Whether some of these strips cross, coming from different roads and leading to different ones, or turn by `TURN`."""
+    """Whether some of these strips cross, coming from different roads and leading to different
+    ones, or turn by `TURN`."""
     from shapely import LineString
 
     def roads(links: list[list[int]], number: int) -> set[str]:
@@ -237,7 +240,8 @@ ROLES = tuple(LaneRole)
 
 
 class RoleRange(NamedTuple):
-    """The role of a lane of a road, from one s to another (m), with its confidence from 0 to 1 and what is not sure."""
+    """The role of a lane of a road, from one s to another (m), with its confidence from 0 to 1 and
+    what is not sure."""
 
     road: str
     lane: int
@@ -255,7 +259,8 @@ class RoleRange(NamedTuple):
 
 @dataclass(frozen=True)
 class Roles:
-    """Roles of all driving lanes of one map. Lanes without an entry (shoulders, pavements) have the role `other`."""
+    """Roles of all driving lanes of one map. Lanes without an entry (shoulders, pavements) have the
+    role `other`."""
 
     entries: tuple[RoleRange, ...]
 
@@ -302,8 +307,8 @@ class Roles:
 
 
 def roles_of(network: RoadNetwork, proposed: Sequence[RoleRange], folder: Path) -> Roles:
-    """The roles in an edited file, beside the map or in a folder for proposals; without one those proposed, which are written
-    into that folder if it allows.
+    """The roles in an edited file, beside the map or in a folder for proposals; without one those
+    proposed, which are written into that folder if it allows.
 
     Raises:
         InvalidFile: an edited file is malformed, or does not fit the map; names the entry.

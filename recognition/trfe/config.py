@@ -97,7 +97,8 @@ def cluster_online(task: Task, config: Config) -> IntArray:
 
 
 def trained_clusters(task: Task, config: Config, pairs: PairsOf, novel: NovelHead) -> IntArray:
-    """Cluster (n,) of each unknown sample by the heads that are trained, see `recognition.trfe.discovery.clustering.cluster`."""
+    """Cluster (n,) of each unknown sample by the heads that are trained, see
+    `recognition.trfe.discovery.clustering.cluster`."""
     with deterministic(config.seed):
         backbone = Projection(task.samples.shape[1])
     return cluster(
@@ -119,7 +120,8 @@ def fixed_pairs(task: Task, config: Config) -> PairsOf:
 
 
 def likely_clusters(task: Task, config: Config) -> int:
-    """Return the most likely number of clusters, raised until most samples are in clusters cohesive enough for promotion.
+    """Return the most likely number of clusters, raised until most samples are in clusters cohesive
+    enough for promotion.
 
     The samples in a buffer need not be of classes alone: in few clusters, classes would drown in
     what is of none.
@@ -151,7 +153,8 @@ class Grow(Protocol):
 def unsupervised_similarity(
     features: Features, coordinates: Features, forest: VotingForest, config: Config
 ) -> NDArray[np.float32]:
-    """S (n, n) of samples under completely random trees, grown without labels on their coordinates (n, c).
+    """S (n, n) of samples under completely random trees, grown without labels on their coordinates
+    (n, c).
 
     Args:
         features, coordinates: of the samples, and these along the principal axes.

@@ -1,4 +1,5 @@
-"""TRFE models in a folder: `model.safetensors` (settings, samples, screening, prototypes), `forest.skops`, the encoder's files.
+"""TRFE models in a folder: `model.safetensors` (settings, samples, screening, prototypes),
+`forest.skops`, the encoder's files.
 
 No file is trusted: reading runs no code of it, settings must be of the types of `Config`, arrays
 finite and of fitting shapes, and trees sound, since scikit-learn follows their node numbers without
@@ -166,7 +167,8 @@ def _read_encoders(folder: Path) -> list[Encoder]:
 
 
 def _thinned(samples: Labelled, most: int | None) -> Labelled:
-    """The first samples of each class, in their order and in half precision; all as they are without a number."""
+    """The first samples of each class, in their order and in half precision; all as they are
+    without a number."""
     if most is None:
         return samples
     chosen = [np.flatnonzero(samples.labels == label)[:most] for label in np.unique(samples.labels)]
@@ -256,7 +258,8 @@ def _written(forest: RandomForestClassifier) -> bytes:
 
 
 def _without_circumstances(content: bytes) -> bytes:
-    """A forest's file with numbers in their order for addresses of objects, which skops names by them, and without a time."""
+    """A forest's file with numbers in their order for addresses of objects, which skops names by
+    them, and without a time."""
     with zipfile.ZipFile(BytesIO(content)) as archive:
         files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
     schema = files["schema.json"].decode()
@@ -288,7 +291,8 @@ def _read_forest(path: Path) -> tuple[RandomForestClassifier, bytes]:
 
 @lru_cache(maxsize=1)
 def _parsed(content: bytes) -> RandomForestClassifier:
-    """The forest of a file; the last one is kept, as a loop reads the same model for each of its catalogues."""
+    """The forest of a file; the last one is kept, as a loop reads the same model for each of its
+    catalogues."""
     import skops.io
 
     with zipfile.ZipFile(BytesIO(content)) as archive:
@@ -335,7 +339,8 @@ def _checked(files: dict[str, bytes]) -> bytes:
 
 
 def _check_arguments(node: dict[str, Any], files: dict[str, bytes]) -> None:
-    """Numbers of features, classes, outputs and nodes of a tree, which scikit-learn takes for sizes of the arrays beside them."""
+    """Numbers of features, classes, outputs and nodes of a tree, which scikit-learn takes for sizes
+    of the arrays beside them."""
 
     def number(one: dict[str, Any]) -> int:
         found = json.loads(one["content"])
@@ -385,7 +390,8 @@ def _check_forest(forest: Any) -> None:
 
 
 def _check_tree(tree: DecisionTreeClassifier, classes: int, width: int) -> None:
-    """Children come after their parents, so that every path ends, and features and classes are those of the forest."""
+    """Children come after their parents, so that every path ends, and features and classes are
+    those of the forest."""
     nodes = tree.tree_
     number, left, right = np.arange(nodes.node_count), nodes.children_left, nodes.children_right
     inner = left >= 0

@@ -89,8 +89,8 @@ class PlayedRow:
 def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[CompiledSets]:
     """Compile a scenario for parameter sets, all of which name the same parameters.
 
-    Sets beyond the structures given, and those for which it can't be compiled, have to be played one
-    by one.
+    Sets beyond the structures given, and those for which it can't be compiled, have to be played
+    one by one.
 
     Raises:
         NotInArrays: the scenario can't be compiled for many sets at once.
@@ -221,11 +221,12 @@ def play(structure: CompiledSets, settings: RunSettings, block: int = BLOCK) -> 
 
 
 class Together:
-    """Jobs and outcomes of a batch: sets that pass in arrays are outcomes, the others jobs for the interpreter.
+    """Jobs and outcomes of a batch: sets that pass in arrays are outcomes, the others jobs for the
+    interpreter.
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
-    disagreement, a defect of ours. The nearest misses are played by the interpreter as well, so that
-    there are recordings of them.
+    disagreement, a defect of ours. The nearest misses are played by the interpreter as well, so
+    that there are recordings of them.
 
     Args:
         jobs: of the batch.

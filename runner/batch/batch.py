@@ -1,4 +1,5 @@
-"""Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost.
+"""Many runs: every parameter set of every file, in one process or several, interrupted and resumed
+with nothing lost.
 
 `BatchComparison` holds a batch against an earlier one, run by run: new, fixed and remaining
 failures.
@@ -117,10 +118,10 @@ def run_batch(
     from there instead of repeating them, as long as nothing that went in has changed and their
     results are whole. They are believed if the user's key has sealed them (see
     `runner.batch.journal`), else if their outcomes follow from their trajectories and results, and
-    under --untrusted not at all. `plot` adds a picture to the results of each. Finished runs without that, or
-    without one of the files that `needs` names, are repeated too. Each of `also` gets the result of
-    every run that is done, in the process that has done it. Without `contacts` outcomes of a batch
-    without a folder have no `impact`. `tell` is called with a line about
+    under --untrusted not at all. `plot` adds a picture to the results of each. Finished runs
+    without that, or without one of the files that `needs` names, are repeated too. Each of `also`
+    gets the result of every run that is done, in the process that has done it. Without `contacts`
+    outcomes of a batch without a folder have no `impact`. `tell` is called with a line about
     finished runs that are repeated.
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see
@@ -197,7 +198,8 @@ def _writable(out: Path) -> Iterator[None]:
 def _concluded(
     out: Path, kept: journal.Journal, errors: dict[str, Outcome], ended: WorkDone
 ) -> Iterator[None]:
-    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of all runs is written."""
+    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of
+    all runs is written."""
     try:
         yield
     finally:
@@ -215,7 +217,8 @@ def _outcomes(
     ray: str | None,
     done: Callable[[Outcome], None] | None = None,
 ) -> Generator[Outcome]:
-    """Do the runs in this process, in several or on a cluster; `done` is called here with each that was done."""
+    """Do the runs in this process, in several or on a cluster; `done` is called here with each that
+    was done."""
     if ray is not None:
         from runner.batch.pool import RayPool
 
@@ -232,7 +235,8 @@ def each(
     processes: int,
     done: Callable[[Outcome], None] | None = None,
 ) -> Generator[Outcome]:
-    """Do some work for each job, in this process or in others, as where one has limits; arguments as in `Pool`."""
+    """Do some work for each job, in this process or in others, as where one has limits; arguments
+    as in `Pool`."""
     if processes > 1 or current().bounded:
         from runner.batch.pool import Pool
 
@@ -260,7 +264,8 @@ def _finished(
 def _believed(
     outcome: Outcome, out: Path, settings: RunSettings, sealed: bool, tell: Callable[[str], None]
 ) -> bool:
-    """Whether a finished run is sealed, or its result follows from its files; `tell` gets the reason if not."""
+    """Whether a finished run is sealed, or its result follows from its files; `tell` gets the
+    reason if not."""
     if sealed:
         return True
     fault = contradiction(outcome, out / outcome.job.name, settings)
@@ -353,7 +358,8 @@ class EarlierRun(NamedTuple):
 
 @dataclass
 class BatchComparison:
-    """Sorts the runs of a batch by their outcome in an earlier one; a run that the earlier one lacks counts as not failed.
+    """Sorts the runs of a batch by their outcome in an earlier one; a run that the earlier one
+    lacks counts as not failed.
 
     So does a run of which a file (scenario, road network, catalogue) has changed since.
 
@@ -376,7 +382,8 @@ class BatchComparison:
     def with_batch(
         cls, folder: Path, files: Iterable[Path], settings: RunSettings
     ) -> BatchComparison:
-        """With the batch of an output folder; with the user's key only runs that it has sealed count.
+        """With the batch of an output folder; with the user's key only runs that it has sealed
+        count.
 
         Args:
             files, settings: of the batch that is compared.
@@ -409,7 +416,8 @@ class BatchComparison:
         return self.was(outcome) in _FAILS
 
     def known(self, outcome: Outcome) -> bool:
-        """Whether a run failed likewise in the earlier batch: a failed verdict after an error is new, and one of other files."""
+        """Whether a run failed likewise in the earlier batch: a failed verdict after an error is
+        new, and one of other files."""
         after_error = outcome.state == "failed" and self.was(outcome) == "error"
         return self.failed(outcome) and not after_error and not self.changed(outcome)
 
@@ -432,7 +440,8 @@ def _key(job: Job, counterparts: Mapping[str, str] = MappingProxyType({})) -> Id
 
 
 def runnable(arguments: Iterable[str]) -> list[Path]:
-    """The files that are meant by names of files, folders and globs; of folders and globs only what can be run.
+    """The files that are meant by names of files, folders and globs; of folders and globs only what
+    can be run.
 
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.

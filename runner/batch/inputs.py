@@ -1,4 +1,5 @@
-"""All that decides what a run gives, by content: a finished run counts as long as none of it changes."""
+"""All that decides what a run gives, by content: a finished run counts as long as none of it
+changes."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ _LIBRARIES = ("numpy", "libsumo", "eclipse-sumo")
 
 
 def of_batch(run: RunSettings) -> str:
-    """Return the digest of the shared part of a batch: settings, code of the toolchain, its libraries, the system under test.
+    """Return the digest of the shared part of a batch: settings, code of the toolchain, its
+    libraries, the system under test.
 
     Raises:
         UsageError: the system under test is unknown.
@@ -58,7 +60,8 @@ def of_job(job: Job, run: RunSettings, shared: str) -> str:
 
 
 def content_of(job: Job, run: RunSettings) -> str:
-    """Digest of the files of a job: scenario, road network and catalogues; of a distribution it has the values."""
+    """Digest of the files of a job: scenario, road network and catalogues; of a distribution it has
+    the values."""
     return fingerprint(repr(_files_of(job, run)).encode())
 
 
@@ -106,7 +109,8 @@ def inputs(
 
 
 def _system(run: RunSettings) -> list[Any]:
-    """Name of the system under test, parameters of one that is given as such, its code, and files that parameters name."""
+    """Name of the system under test, parameters of one that is given as such, its code, and files
+    that parameters name."""
     given = split(run.sut)[1].values() if isinstance(run.sut, str) else ()
     files = [fingerprint(path.read_bytes()) for path in map(Path, given) if os.path.isfile(path)]
     parameters = {} if isinstance(run.sut, str | None) else parameters_of(run.sut)
@@ -137,7 +141,8 @@ def files(
 
 
 def referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
-    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself.
+    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere,
+    every run says so itself.
 
     Raises:
         InvalidFile: the scenario is malformed, or there is no such road network.
@@ -195,7 +200,8 @@ def _referred(
 
 
 def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
-    """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues are worked out."""
+    """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues
+    are worked out."""
     root = Node(copy.deepcopy(root.element), root.path)
     holder = root.find("ParameterDeclarations")
     assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
@@ -210,7 +216,8 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
 
 
 def plugged_in(run: RunSettings) -> str:
-    """Digest of the code of a system under test that is none of ours: of all modules of its package, or of the files it names."""
+    """Digest of the code of a system under test that is none of ours: of all modules of its
+    package, or of the files it names."""
     if (
         isinstance(run.sut, str)
         and (origin := code_of(run.sut, run.sut_in_process, run.sut_timeout)) is not None

@@ -61,7 +61,8 @@ class Job:
 
 
 FLEETING = {"memory": "a shortage of memory", "died": "the death of their process"}
-"""Statuses of runs that something else than their inputs has ended, so that they are repeated where a batch goes on"""
+"""Statuses of runs that something else than their inputs has ended, so that they are repeated where
+a batch goes on"""
 
 SYSTEM = "system"
 """Status of a run that an error of the system under test has ended"""
@@ -115,7 +116,8 @@ _OF_ERRORS = {ExitCode.USAGE, ExitCode.INVALID, ExitCode.UNSUPPORTED, ExitCode.I
 
 
 def is_sound(outcome: Outcome) -> bool:
-    """Whether an outcome from a file, which may be edited, has values of its types, and an exit code of its state.
+    """Whether an outcome from a file, which may be edited, has values of its types, and an exit
+    code of its state.
 
     Raises:
         TypeError, KeyError, AttributeError, ValueError: it has not even their structure.
@@ -156,7 +158,8 @@ def jobs_of(
     selection: Selection | None = None,
     repeat: int | None = None,
 ) -> Jobs:
-    """The runs that files stand for, lazily: one for a scenario, one for each parameter set of a distribution.
+    """The runs that files stand for, lazily: one for a scenario, one for each parameter set of a
+    distribution.
 
     Args:
         paths: scenarios and distributions; one that can't be read gives an outcome in its place.
@@ -224,7 +227,8 @@ class Jobs:
 
     @property
     def total(self) -> int:
-        """Return the largest possible number of jobs; sets that constraints exclude are counted. Reads the files."""
+        """Return the largest possible number of jobs; sets that constraints exclude are counted.
+        Reads the files."""
         return sum(self._count(path) for _, path in self._files)
 
     def _count(self, path: Path) -> int:
@@ -273,7 +277,8 @@ class Jobs:
 
 
 def assumed(job: Job, strict: bool) -> Sequence[Remark]:
-    """Return the assumptions in reading the parameter value distribution of a job; none for other jobs.
+    """Return the assumptions in reading the parameter value distribution of a job; none for other
+    jobs.
 
     Raises:
         InvalidFile: there is something, and reading is strict.
@@ -289,7 +294,8 @@ def assumed(job: Job, strict: bool) -> Sequence[Remark]:
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """A name for each file: unique, safe as a folder's name, and with the folders that tell files of one name apart."""
+    """A name for each file: unique, safe as a folder's name, and with the folders that tell files
+    of one name apart."""
     files = {path.absolute(): _folder_name(path.stem)[:_LONGEST] for path in paths}
     for depth in range(1, max((len(path.parts) for path in files), default=0)):
         alike = {
@@ -319,12 +325,14 @@ def _qualified(path: Path, depth: int) -> str:
 
 
 def _folder_name(text: str) -> str:
-    """A name that is safe everywhere as a folder's name, and is none of the batch's own files, which have dots."""
+    """A name that is safe everywhere as a folder's name, and is none of the batch's own files,
+    which have dots."""
     return "".join(c if c.isalnum() or c in "-_+=" else "_" for c in text)
 
 
 def failure(job: Job, error: Exception) -> Outcome:
-    """The outcome of a run that an error ended (to be called while it is handled); the file is named in any case."""
+    """The outcome of a run that an error ended (to be called while it is handled); the file is
+    named in any case."""
     if (
         isinstance(error, InvalidFile | Unsupported) and error.path is None
     ):  # only the run knew what is wrong

@@ -1,4 +1,5 @@
-"""Journal of a batch in its output folder: finished runs, entered after their results are synced to disk.
+"""Journal of a batch in its output folder: finished runs, entered after their results are synced to
+disk.
 
 Where the environment variable XOSC_SEAL_KEY has a key, each entry is sealed by it (HMAC, SHA-256),
 and with it the digests of all that went into the run and of its files. An entry without the seal
@@ -48,9 +49,11 @@ _TABLE, _PAGES = (
 BATCH_FILES = frozenset({_JOURNAL, _SETTINGS, _TABLE, WORK, *_PAGES})
 """Names of all files that a batch writes into its folder itself"""
 FORMAT = 1
-"""Version of the files in the folder of a batch; it changes where a reader of older ones would misread them"""
+"""Version of the files in the folder of a batch; it changes where a reader of older ones would
+misread them"""
 _GROUP = 1.0
-"""Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
+"""Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time
+than those of one"""
 
 
 SEAL_KEY = "XOSC_SEAL_KEY"
@@ -121,7 +124,8 @@ class Journal:
         self._flushed = -_GROUP
 
     def enter(self, outcome: Outcome) -> None:
-        """Take in a finished run, which is entered with others, within a second or with the next one.
+        """Take in a finished run, which is entered with others, within a second or with the next
+        one.
 
         A run is taken in once: an interrupt between this call and its caller's note of it may bring
         the run a second time.
@@ -224,7 +228,8 @@ _RENAMED = "of a file that has another name now, as files were added"
 
 
 def _origin() -> dict[str, Any]:
-    """Version of the tool and of its files, and the settings file with its content's digest, where one counts."""
+    """Version of the tool and of its files, and the settings file with its content's digest, where
+    one counts."""
     file = in_use()
     used = {"path": file.path.as_posix(), "digest": fingerprint(file.content)} if file else None
     return {"version": version(), "format": FORMAT, "settings_file": used}
@@ -299,7 +304,8 @@ def clear_drafts(out: Path) -> None:
 
 
 def discard(out: Path) -> None:
-    """Remove the batch of an output folder: results of its runs, its journal, settings and pages; nothing where there is none.
+    """Remove the batch of an output folder: results of its runs, its journal, settings and pages;
+    nothing where there is none.
 
     Files that are not of the batch stay.
 
@@ -328,7 +334,8 @@ def is_batch(out: Path) -> bool:
 
 
 def finished(out: Path) -> Finished:
-    """The finished runs of a batch by name, as its output folder says; lines of the journal that are damaged are left out.
+    """The finished runs of a batch by name, as its output folder says; lines of the journal that
+    are damaged are left out.
 
     Raises:
         UsageError: the folder is not that of a batch.
@@ -360,7 +367,8 @@ def _outcome(entry: dict[str, Any]) -> Outcome | None:
 
 
 def is_folder_name(name: str) -> bool:
-    """Whether the name of a job is that of one folder: results of an edited journal must not lie outside of its folder."""
+    """Whether the name of a job is that of one folder: results of an edited journal must not lie
+    outside of its folder."""
     return name not in ("", ".", "..") and not any(sign in name for sign in "/\\:\0")
 
 

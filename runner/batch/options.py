@@ -26,7 +26,8 @@ def _assessments() -> tuple[str, list[tuple[str, str]]]:
 
 
 def complete_parameter(context: Context, incomplete: str) -> list[str]:
-    """Parameters of the scenarios named before, as NAME=VALUE with their defaults, that begin as typed."""
+    """Parameters of the scenarios named before, as NAME=VALUE with their defaults, that begin as
+    typed."""
     from schemas.common.terminal.files import expand
     from xosc.listing import listing
 
@@ -151,7 +152,8 @@ class BatchOptions:
         return tuple(limit.strip() for limit in self.fail_if)
 
     def plays_in_arrays(self, world: str, sets: Callable[[], int]) -> bool:
-        """Whether parameter sets are played in arrays: where asked for, or where these are many and nothing needs each run.
+        """Whether parameter sets are played in arrays: where asked for, or where these are many and
+        nothing needs each run.
 
         Args:
             world: of the runs; arrays are kinematic.
@@ -209,7 +211,8 @@ class BatchOptions:
             )
 
     def _check_comparison(self) -> None:
-        """Refuse --against with --dry-run or for a replaced batch, and new failures without --against."""
+        """Refuse --against with --dry-run or for a replaced batch, and new failures without
+        --against."""
         if self.against is None:
             if NEW_FAILURE in self.limits:
                 raise UsageError(
@@ -258,7 +261,8 @@ def selection_of(
 
 
 def _may_vary(file: Path) -> bool:
-    """Whether a file is a distribution; one that can't be read is refused in its turn, with its own reason."""
+    """Whether a file is a distribution; one that can't be read is refused in its turn, with its own
+    reason."""
     from xosc.document import load
 
     try:

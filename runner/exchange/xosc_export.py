@@ -115,7 +115,8 @@ def xosc_export(
 
 
 def _sources(paths: list[str]) -> list[Path]:
-    """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
+    """The files meant; roads, which are taken along by the scenarios on them, only where they are
+    named themselves."""
     from schemas.common.terminal.files import expand
 
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]

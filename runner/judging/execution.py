@@ -1,4 +1,5 @@
-"""Scenarios loaded and compiled, and runs of them: as a whole, or step by step, the ego driven by the caller if wanted."""
+"""Scenarios loaded and compiled, and runs of them: as a whole, or step by step, the ego driven by
+the caller if wanted."""
 
 from __future__ import annotations
 
@@ -87,7 +88,8 @@ _AFTER_COLLISION = 1.0
 
 
 class Session:
-    """A run step by step: `with runner.Session("file.xosc") as session: session.step(Control(acceleration=-2.0))`.
+    """A run step by step: `with runner.Session("file.xosc") as session:
+    session.step(Control(acceleration=-2.0))`.
 
     It begins at time 0, the initial actions done. A world on SUMO is one a process: close a session
     before the next.
@@ -169,7 +171,8 @@ class Session:
 
     @property
     def running(self) -> bool:
-        """Whether there is a step left: false once the scenario or its time limit has ended the run."""
+        """Whether there is a step left: false once the scenario or its time limit has ended the
+        run."""
         return not self._sim.finished and self._sim.step_index < self._steps
 
     @property
@@ -398,7 +401,8 @@ class Rehearsed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Compiled):
-    """A scenario file compiled with certain parameter values, for any number of runs one after the other.
+    """A scenario file compiled with certain parameter values, for any number of runs one after the
+    other.
 
     Each run begins anew: it gives the same results as in a process of its own. Settings, and with
     them the system under test, the seed and the world, may differ from run to run. Other parameter

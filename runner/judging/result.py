@@ -82,7 +82,8 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """`FAILED` with a failure, else `PASSED` with all evidence and no cause against it, else `INCONCLUSIVE`."""
+        """`FAILED` with a failure, else `PASSED` with all evidence and no cause against it, else
+        `INCONCLUSIVE`."""
         if self.failures:
             return FAILED
         earned = bool(self.evidence) and all(row.enough for row in self.evidence)
@@ -153,19 +154,22 @@ class RunResult:
 
     @cached_property
     def trajectories(self) -> pa.Table:
-        """Everyone's trajectory in long form: time, entity, x, y, z, h, pitch, roll, speed, acceleration, road_id,
-        lane_id, s, t, lane_offset (m, rad, s; reference point; see `runner.recording`)."""
+        """Everyone's trajectory in long form: time, entity, x, y, z, h, pitch, roll, speed,
+        acceleration, road_id, lane_id, s, t, lane_offset (m, rad, s; reference point; see
+        `runner.recording`)."""
         return self.recording.table()
 
     @cached_property
     def criticality(self) -> Criticality | None:
-        """Criticality measures of the ego per step, and their extremes; None where the ego never appeared, or there is none."""
+        """Criticality measures of the ego per step, and their extremes; None where the ego never
+        appeared, or there is none."""
         from runner.judging.measures.criticality import of_recording
 
         return of_recording(self.recording, self.ego)
 
     def assume(self, remarks: Sequence[Remark]) -> None:
-        """Add what was assumed of files that the run does not know, such as the distribution that its parameters are of."""
+        """Add what was assumed of files that the run does not know, such as the distribution that
+        its parameters are of."""
         self.remarks = (*map(str, remarks), *self.remarks)
         causes = tuple(Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
         self.verdict = replace(self.verdict, causes=(*causes, *self.verdict.causes))
@@ -183,7 +187,8 @@ class RunResult:
         return frame
 
     def save(self, folder: str | PathLike[str]) -> Path:
-        """Write the run as `xosc-run --out` does, and give the folder; an earlier run's results there are replaced.
+        """Write the run as `xosc-run --out` does, and give the folder; an earlier run's results
+        there are replaced.
 
         Raises:
             UsageError: something else is in the way.
@@ -194,7 +199,8 @@ class RunResult:
         return path
 
     def replay(self, path: str | PathLike[str] | None = None) -> Path:
-        """Write a page that plays the run, and give its path: by default the run's name with `.html`."""
+        """Write a page that plays the run, and give its path: by default the run's name with
+        `.html`."""
         page = Path(path or f"{self.name}.html")
         offered("write a replay")([self], page)
         return page

@@ -1,4 +1,5 @@
-"""The verdict of a run: contacts of its ego, criteria and limits, and the evidence that it tested anything."""
+"""The verdict of a run: contacts of its ego, criteria and limits, and the evidence that it tested
+anything."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ def judge(
     criteria: tuple[CriterionResult, ...],
     evidence: tuple[RunEvidence, ...],
 ) -> Verdict:
-    """The verdict of a run: a failure when the ego touched another participant or a criterion failed.
+    """The verdict of a run: a failure when the ego touched another participant or a criterion
+    failed.
 
     Args:
         criteria: results of the scenario's criteria.

@@ -83,7 +83,8 @@ System = SystemUnderTest | WorldDriven
 
 
 def load_system(name: str | System | None) -> System | None:
-    """A new instance of the system under test of that name, None for `none`; an instance is taken as it is.
+    """A new instance of the system under test of that name, None for `none`; an instance is taken
+    as it is.
 
     Raises:
         UsageError: no such system, with those that there are; or it can't be built.
@@ -100,7 +101,8 @@ def load_system(name: str | System | None) -> System | None:
 
 
 def builder(name: str | None) -> Callable[[], System] | None:
-    """Builder of new instances of the system under test of that name, which is looked up once; None for `none`.
+    """Builder of new instances of the system under test of that name, which is looked up once; None
+    for `none`.
 
     Raises:
         UsageError: no such system. The builder raises it where an instance can't be built.
@@ -129,7 +131,8 @@ def _build(factory: Callable[[], System], name: str) -> System:
 
 
 def open_system(sut: str | System | None, in_process: bool, limit: float) -> System | None:
-    """The system under test of a run: as of `load_system`, but a class of the user by name is in a process of its own.
+    """The system under test of a run: as of `load_system`, but a class of the user by name is in a
+    process of its own.
 
     Args:
         in_process: keep it in this process.
@@ -159,7 +162,8 @@ def check_system(sut: str, in_process: bool, limit: float) -> None:
 
 
 def code_of(sut: str, in_process: bool, limit: float) -> ClassOrigin | None:
-    """Origin of the code of a system under test; None for one of the toolchain's own. Arguments as of `open_system`."""
+    """Origin of the code of a system under test; None for one of the toolchain's own. Arguments as
+    of `open_system`."""
     if not is_foreign(sut):
         return None
     return class_origin(sut) if in_process else _described(sut, limit)
@@ -295,7 +299,8 @@ def _entry(name: str) -> _Entry | None:
 
 
 def find_system(name: str | None) -> Callable[[], System] | None:
-    """Return the factory of a system under test by name (see `runner.systems.base`); None for `none`.
+    """Return the factory of a system under test by name (see `runner.systems.base`); None for
+    `none`.
 
     Raises:
         UsageError: no such system, with those that there are; it can't be imported; or it has no
@@ -340,7 +345,8 @@ def _module(factory: Callable[[], System]) -> str:
 
 @cache
 def _own() -> dict[str, EntryPoint]:
-    """The systems of this folder by name: those that modules name in `SYSTEMS`, with their class and a line of help."""
+    """The systems of this folder by name: those that modules name in `SYSTEMS`, with their class
+    and a line of help."""
     ours = described("runner.systems.kinds", "SYSTEMS")
     return {
         name: EntryPoint(name, f"runner.systems.kinds.{module}:{factory}", GROUP)

@@ -1,8 +1,10 @@
-"""Observations and controls of many runs at once: arrays over runs, for `control_batch` of a system under test.
+"""Observations and controls of many runs at once: arrays over runs, for `control_batch` of a system
+under test.
 
 Shapes: n runs, p participants beside the ego. What belongs to a run is (n,); what belongs to the
 other participants of a run is (p, n): row k holds participant k of each run, the same one at all
-instants, so that `others.x - ego.x` has one distance for each pair. Where `present` is False, sensors
+instants, so that `others.x - ego.x` has one distance for each pair. Where `present` is False,
+sensors
 see no such participant: numbers are 0 and texts empty. Units and frames are those of
 `runner.systems.base.Observation`, field by field. Arrays may be views that can't be written to.
 """

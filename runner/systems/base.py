@@ -155,7 +155,8 @@ class Control:
 
 
 def plain(answer: object) -> Control | Pose:
-    """The answer of a system under test with Python's own floats, whatever kind of numbers it holds.
+    """The answer of a system under test with Python's own floats, whatever kind of numbers it
+    holds.
 
     Raises:
         TypeError: it is neither a Control nor a Pose, or holds something else than numbers and a
@@ -197,11 +198,13 @@ def is_finite(answer: Control | Pose) -> bool:
 
 
 RAISED = (Exception, SystemExit)
-"""Errors that a class of the user raises in this process; interruptions and limits of time pass through"""
+"""Errors that a class of the user raises in this process; interruptions and limits of time pass
+through"""
 
 
 class SystemUnderTestError(ToolchainError):
-    """Failure of a system under test, which is named: no verdict on it, and no defect of the toolchain."""
+    """Failure of a system under test, which is named: no verdict on it, and no defect of the
+    toolchain."""
 
 
 class SystemFailure(Exception):
@@ -237,7 +240,8 @@ class SystemUnderTest(Protocol):
 
 
 class WorldDriven:
-    """A system under test that is the world's own driver: the ego is handed to it, and there is nothing to control.
+    """A system under test that is the world's own driver: the ego is handed to it, and there is
+    nothing to control.
 
     See `runner.systems.drivers.WorldDriver` for how that combines with what the scenario scripts.
     """

@@ -1,4 +1,5 @@
-"""Any system under test in many runs at once: by its `control_batch`, or run by run where it has none.
+"""Any system under test in many runs at once: by its `control_batch`, or run by run where it has
+none.
 
 `control_batch(observations, dt)` gets `runner.systems.arrays.BatchObservation` and returns a
 `BatchControl`. A system that carries something from step to step has `reset_batch(egos, timestep,
@@ -185,7 +186,8 @@ def _instances(first: System, build: Callable[[], System | None]) -> Iterator[Sy
 
 
 def decides_together(kind: type) -> bool:
-    """Whether a class has a `control_batch` that belongs to its `control`, and a `reset_batch` to its `reset`.
+    """Whether a class has a `control_batch` that belongs to its `control`, and a `reset_batch` to
+    its `reset`.
 
     A class that derives from one of ours and overrides `control` alone has none: it would decide
     by another law in a batch.

@@ -119,7 +119,8 @@ def driver_of(
 
 
 def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
-    """Speed (m/s) of an ego that is driven from outside and has no speed to begin with; None for all others."""
+    """Speed (m/s) of an ego that is driven from outside and has no speed to begin with; None for
+    all others."""
     assigned = [
         action.properties
         for actor, element in scenario.storyboard.init
@@ -146,22 +147,27 @@ def scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
 
 
 _RETURN = 3.5
-"""Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
+"""Greatest acceleration with which the ego returns to its scripted speed after an intervention,
+m/s²"""
 _SAME = 1e-9
 _GRAVITY = 9.81
 _PEDALS = ("Throttle", "Brake", "ParkingBrake")
 _OFF = 1.0
-"""Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
+"""Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed:
+farther no vehicle comes"""
 _UNLIKE = 1.0
-"""Difference (m/s) of a pose's speed and that of the displacement above which they contradict each other"""
+"""Difference (m/s) of a pose's speed and that of the displacement above which they contradict each
+other"""
 
 
 _HARDEST = 2.0 * _GRAVITY
 """Change of speed (m/s²), beside `_UNLIKE`, that no vehicle exceeds between two poses"""
 _SLIDING = 3.0
-"""Speed (m/s) across the heading above which a pose slides: lane changes with wheels reach 2 m/s, along their headings"""
+"""Speed (m/s) across the heading above which a pose slides: lane changes with wheels reach 2 m/s,
+along their headings"""
 _SLIP = math.tan(math.radians(10.0))
-"""Ratio of speeds across and along the heading below which tyres hold: their side forces are largest at about 10 degrees"""
+"""Ratio of speeds across and along the heading below which tyres hold: their side forces are
+largest at about 10 degrees"""
 _SLIDING_TIME = 0.5
 """Time (s) for which poses slide until no vehicle does so"""
 
@@ -188,7 +194,8 @@ class WorldDriver(EgoDriver):
         self._refused = False
 
     def request(self, ego: Entity) -> DriverRequest | None:
-        """The scripted speed, unless the ego is handed over to the scenario or the world has refused it."""
+        """The scripted speed, unless the ego is handed over to the scenario or the world has
+        refused it."""
         controls = ego.controls
         moved = (
             LATERAL in controls.owners
@@ -248,7 +255,8 @@ class SystemDriver(EgoDriver):
         """Sentence on the first pose that no vehicle reaches; empty where there is none"""
 
     def decide(self, ego: Entity, run: Run) -> Decision:
-        """The system's pose, or its acceleration and steering within the ego's limits; the scripted speed where it gives none."""
+        """The system's pose, or its acceleration and steering within the ego's limits; the scripted
+        speed where it gives none."""
         target = self._target(ego)
         control = self._ask(ego, target, run) if self.longitudinal or self.lateral else Control()
         if isinstance(control, Pose):
@@ -307,7 +315,8 @@ class SystemDriver(EgoDriver):
         return Decision(speed, pose=pose)
 
     def _implausibility(self, ego: Entity, dx: float, dy: float, speed: float, run: Run) -> str:
-        """A sentence on a displacement (m) or speed (m/s) of a step that no vehicle reaches; empty for a plausible one."""
+        """A sentence on a displacement (m) or speed (m/s) of a step that no vehicle reaches; empty
+        for a plausible one."""
         dt, then = run.dt, f"{run.time + run.dt:.2f} s"
         off = math.hypot(dx - ego.vx * dt, dy - ego.vy * dt)
         before, now, moved = abs(ego.speed), abs(speed), math.hypot(dx, dy) / dt
@@ -322,7 +331,8 @@ class SystemDriver(EgoDriver):
         return ""
 
     def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
-        """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
+        """Speed after a step of the system's acceleration, m/s: a change of the direction of travel
+        ends in standstill."""
         self._begin(ego, reason, run)
         limits = ego.declared.performance
         grip = _GRAVITY * run.environment.friction
@@ -348,7 +358,8 @@ class SystemDriver(EgoDriver):
 
 
 class BatchSystemDriver(RunRows):
-    """`SystemDriver` in many runs at once: the ego's speed by a system under test; it does not steer here.
+    """`SystemDriver` in many runs at once: the ego's speed by a system under test; it does not
+    steer here.
 
     Args:
         system: the system under test; it is reset.
@@ -405,7 +416,8 @@ class BatchSystemDriver(RunRows):
         self._system.reset(egos, timestep, seeds)
 
     def decide(self, run: BatchRun, ego: EntityRows) -> FloatArray:
-        """Speeds (n,) at the end of the step: by the system's accelerations within the ego's limits, or the scripted ones."""
+        """Speeds (n,) at the end of the step: by the system's accelerations within the ego's
+        limits, or the scripted ones."""
         longitudinal = self._domains[LONGITUDINAL]
         asked = longitudinal | self._domains[LATERAL]
         wanted, accelerates = np.zeros(run.n), np.zeros(run.n, bool)
@@ -550,7 +562,8 @@ def failed(system: System, error: BaseException, time: float) -> ToolchainError:
 
 
 def returning(ego: Entity, target: float, dt: float) -> float:
-    """Speed (m/s) after dt (s) on the way back to the target speed (m/s), when something else has driven the ego."""
+    """Speed (m/s) after dt (s) on the way back to the target speed (m/s), when something else has
+    driven the ego."""
     limits, change = ego.declared.performance, target - ego.speed
     faster = change * ego.speed >= 0.0
     most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
@@ -572,7 +585,8 @@ def _held(ego: Entity) -> bool:
 
 
 def _overridden(control: Control, ego: Entity) -> Control:
-    """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
+    """The system's control with the pedals that OverrideControllerValueAction holds in place of its
+    own."""
     if not _held(ego):
         return control
     pedals = ego.controls.overrides

@@ -1,8 +1,8 @@
 """Participants ahead as the ego sees them, along and across its heading: what drivers decide by.
 
 Formulas hold for one run and, as arrays, for many, so that a law is written once: conditions are
-combined by `&` and `|`, and both sides of a choice are worked out. Parameters of type `Any` that are
-m or s or m/s are numbers, or arrays of them over runs.
+combined by `&` and `|`, and both sides of a choice are worked out. Parameters of type `Any` that
+are m or s or m/s are numbers, or arrays of them over runs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from runner.systems.arrays import BatchObservation
 
 _OVERSHOT = 1.0
-"""Distance (m) beyond a line at which a signal forbids to go on up to which one still stops at it."""
+"""Distance (m) beyond a line at which a signal forbids to go on up to which one still stops at it.
+"""
 
 
 def choose(condition: Any, one: Any, other: Any) -> Any:
@@ -68,7 +69,8 @@ def tanh(value: Any) -> Any:
 
 
 class AheadParticipant(NamedTuple):
-    """A participant whose centre is ahead of the ego's; the ego's frame goes straight on, whatever the road does.
+    """A participant whose centre is ahead of the ego's; the ego's frame goes straight on, whatever
+    the road does.
 
     Numbers, or arrays of them over many cases.
 
@@ -92,7 +94,8 @@ class AheadParticipant(NamedTuple):
 
     @property
     def time_to_collision(self) -> float:
-        """Gap over closing speed, s; infinite where the ego is not faster, 0 where they are beside each other."""
+        """Gap over closing speed, s; infinite where the ego is not faster, 0 where they are beside
+        each other."""
         found: float = ratio(greatest(self.gap, 0.0), self.closing, math.inf)
         return found
 
@@ -108,7 +111,8 @@ def encounters(observation: Observation) -> Iterator[AheadParticipant]:
 
 
 def encounters_batch(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
-    """Everyone in many runs (p, n): a mask of participants that are ahead, and all as they are met there."""
+    """Everyone in many runs (p, n): a mask of participants that are ahead, and all as they are met
+    there."""
     ego, others = observations.ego, observations.others
     seen, (c, s) = seen_by(ego, others), ego.facing
     along = others.vx * c + others.vy * s
@@ -118,7 +122,8 @@ def encounters_batch(observations: BatchObservation) -> tuple[BoolArray, AheadPa
 
 
 def stop_line(observation: Observation) -> AheadParticipant | None:
-    """The line at which a signal forbids to go on, as something that stands in the way; None once the front is beyond it."""
+    """The line at which a signal forbids to go on, as something that stands in the way; None once
+    the front is beyond it."""
     line, ego = observation.stop_line, observation.ego
     if line is None:
         return None
@@ -137,7 +142,8 @@ def stop_line_batch(observations: BatchObservation) -> tuple[BoolArray, AheadPar
 def nearest(
     ahead: BoolArray, found: AheadParticipant, there: BoolArray, line: AheadParticipant
 ) -> tuple[BoolArray, AheadParticipant]:
-    """The nearest of participants (p, n) and stop lines (n,) in each run, the first of equal ones; and where there is one (n,)."""
+    """The nearest of participants (p, n) and stop lines (n,) in each run, the first of equal ones;
+    and where there is one (n,)."""
     if not len(ahead):
         return there, line
     gaps = np.where(ahead, found.gap, np.inf)
@@ -199,6 +205,7 @@ def _encounter(
 
 
 def _relative(ego: Participant, other: Participant) -> tuple[float, float]:
-    """Speed of another participant along the ego's heading, and to its left as seen from the ego, m/s."""
+    """Speed of another participant along the ego's heading, and to its left as seen from the ego,
+    m/s."""
     c, s = math.cos(ego.h), math.sin(ego.h)
     return other.vx * c + other.vy * s, (other.vy - ego.vy) * c - (other.vx - ego.vx) * s

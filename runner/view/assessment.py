@@ -1,4 +1,5 @@
-"""The table of an assessment: each run of a batch held against a protocol, with files, system and settings for traceability."""
+"""The table of an assessment: each run of a batch held against a protocol, with files, system and
+settings for traceability."""
 
 from __future__ import annotations
 
@@ -108,7 +109,8 @@ class Total:
 
 
 def write_assessment(out: Path, name: str, settings: RunSettings) -> tuple[Path, Path]:
-    """Write the assessment of a batch as HTML and CSV into its output folder; the same batch gives the same bytes.
+    """Write the assessment of a batch as HTML and CSV into its output folder; the same batch gives
+    the same bytes.
 
     Args:
         out: the output folder.

@@ -1,4 +1,5 @@
-"""Scenarios explored point by point: parameters with their ranges, films of single points, verdicts, borders of failure.
+"""Scenarios explored point by point: parameters with their ranges, films of single points,
+verdicts, borders of failure.
 
 Films are made by one warm process (`FilmProcess`): a newer request ends the run of an older one.
 """
@@ -234,7 +235,8 @@ def _bounds(declared: ListedParameter) -> list[float]:
 
 
 class PointVerdict(NamedTuple):
-    """PointVerdict of a run at a point: `passed`, `failed`, `inconclusive` or `error`, and the reason."""
+    """PointVerdict of a run at a point: `passed`, `failed`, `inconclusive` or `error`, and the
+    reason."""
 
     state: str
     reason: str
@@ -271,7 +273,8 @@ _SCANNED = 9
 
 
 def border(parameter: ExploredParameter, judge: Callable[[Sequence[str]], Sequence[str]]) -> Border:
-    """Find the border of failure that is nearest to the parameter's value: a scan, then a bisection.
+    """Find the border of failure that is nearest to the parameter's value: a scan, then a
+    bisection.
 
     Args:
         parameter: a number; borders near its value are preferred.
@@ -390,7 +393,8 @@ def _project(connection: Any, policy: CommandPolicy, start: str) -> None:
 
 @dataclass
 class FilmProcess:
-    """A process that plays points one after the other; it is started when first asked, and again when it has died.
+    """A process that plays points one after the other; it is started when first asked, and again
+    when it has died.
 
     Threads may ask at the same time: the newest request is answered, the others are superseded.
     """

@@ -1,4 +1,5 @@
-"""Dry runs, which load and compile everything and bring it to time 0, and triage of foreign files by them and by full runs.
+"""Dry runs, which load and compile everything and bring it to time 0, and triage of foreign files
+by them and by full runs.
 
 Triage gives one row a file: fine, playing with repairs, testing nothing, or refused and by which
 cause. `xosc-check --triage` loads this module by its name, for checking is a floor below running.
@@ -41,7 +42,8 @@ ALL = 1000
 def rehearse_batch(
     jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1
 ) -> Generator[Outcome]:
-    """Load, resolve, compile and begin what is to be run; one outcome a file, the gravest of its sets.
+    """Load, resolve, compile and begin what is to be run; one outcome a file, the gravest of its
+    sets.
 
     What a set can break is decided by one of its values or by two that meet, as a rule. Of a file
     with more than `ALL` sets those that follow are rehearsed where two of their values meet for the
@@ -57,7 +59,8 @@ def rehearse_batch(
 
 
 class Pairwise:
-    """Jobs without those parameter sets in which no two values meet for the first time; the first `ALL` of a file are kept.
+    """Jobs without those parameter sets in which no two values meet for the first time; the first
+    `ALL` of a file are kept.
 
     Attributes:
         sets: how many sets of each file there have been, those left out among them.
@@ -195,7 +198,8 @@ class TriagedFile:
 def triage(
     paths: Sequence[Path], catalog_path: Sequence[str] = (), road_path: Sequence[str] = ()
 ) -> Iterator[TriagedFile]:
-    """Check and load each file, yield it with its group; of a variation file up to 20 parameter sets are tried.
+    """Check and load each file, yield it with its group; of a variation file up to 20 parameter
+    sets are tried.
 
     Args:
         paths: scenarios, variation files, catalogues and road networks.

@@ -1,4 +1,5 @@
-"""Batches as pages: verdicts, distributions of measures, dependence on parameters, links to replays; versions side by side.
+"""Batches as pages: verdicts, distributions of measures, dependence on parameters, links to
+replays; versions side by side.
 
 The page of several versions has a row a run and a column a version, without a server.
 """
@@ -84,7 +85,8 @@ def write_report(out: Path, against: Path | None = None) -> Path:
 
 
 def report(out: Path) -> dict[str, Any]:
-    """Return the data of the page: one row per run, sorted by name, files that failed to load included."""
+    """Return the data of the page: one row per run, sorted by name, files that failed to load
+    included."""
     settings = journal.settings(out)
     runs = runs_of(out)
     return {
@@ -101,7 +103,8 @@ def report(out: Path) -> dict[str, Any]:
 def _evidence(
     runs: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Evidence of all runs, a row a kind: runs that have counted it, the least of their values, and those below the least value."""
+    """Evidence of all runs, a row a kind: runs that have counted it, the least of their values, and
+    those below the least value."""
     from runner.judging.evidence.least import least_values  # they need the engine
     from runner.judging.evidence.rows import ROWS
 
@@ -142,9 +145,11 @@ def _measures() -> dict[str, dict[str, Any]]:
 
 
 def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str, Any]:
-    """The same with what an earlier batch had: each run's state and measures there, and the runs that are gone.
+    """The same with what an earlier batch had: each run's state and measures there, and the runs
+    that are gone.
 
-    A run is that of before when its file is, see `counterparts_of`, with the same parameters and seed.
+    A run is that of before when its file is, see `counterparts_of`, with the same parameters and
+    seed.
     """
     journal.settings(against)
     runs, before = runs_of(out), runs_of(against)
@@ -179,7 +184,8 @@ def _before(run: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any] |
 
 
 def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
-    """Write the pages that play runs beside what they were before: of the first that the page lists of each kind of change.
+    """Write the pages that play runs beside what they were before: of the first that the page lists
+    of each kind of change.
 
     Runs without a replay have none, nor have those whose results before are gone.
     """
@@ -205,7 +211,8 @@ def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
 
 
 def runs_of(out: Path) -> list[dict[str, Any]]:
-    """The batch's table of runs; made from its journal where it was interrupted before there was one."""
+    """The batch's table of runs; made from its journal where it was interrupted before there was
+    one."""
     import pyarrow as pa
 
     path = out / RUNS
@@ -245,7 +252,8 @@ def _unusable(table: pa.Table) -> str:
 
 
 def varied(sets: Iterable[dict[str, str]]) -> list[str]:
-    """Names of the parameters whose values are not the same in all sets, in the order of their first appearance."""
+    """Names of the parameters whose values are not the same in all sets, in the order of their
+    first appearance."""
     found: dict[str, set[str | None]] = {}
     count = 0
     for count, parameters in enumerate(sets, 1):
@@ -279,7 +287,8 @@ def _values(run: dict[str, Any]) -> dict[str, float | None]:
 
 
 def _impact(run: dict[str, Any]) -> str | None:
-    """Describe the contact of a failed run: entities, and the side of the ego; None without a contact."""
+    """Describe the contact of a failed run: entities, and the side of the ego; None without a
+    contact."""
     if run.get("impact_side") is None or run.get("impact_speed_other") is None:
         return None
     ahead, left = run["impact_ahead"], run["impact_left"]
@@ -346,7 +355,8 @@ def write_history(batches: Sequence[Path], path: Path | None = None) -> Path:
 
 
 def history(batches: Sequence[Path], folder: Path) -> dict[str, Any]:
-    """Data of the page: versions, and each run with its state in every one of them; None where a batch lacks it.
+    """Data of the page: versions, and each run with its state in every one of them; None where a
+    batch lacks it.
 
     Args:
         batches: their output folders, the oldest first.

@@ -1,4 +1,5 @@
-"""The command `xosc-replay`: results of runs as pages that play them, pictures and animations; batches as reports."""
+"""The command `xosc-replay`: results of runs as pages that play them, pictures and animations;
+batches as reports."""
 
 from __future__ import annotations
 
@@ -76,7 +77,8 @@ def xosc_replay(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
+    """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a
+    report, of several a history."""
     from runner.batch import journal
     from runner.batch.outputs.folder import load_run
     from runner.exchange.traces.maps import is_trace, load_trace
@@ -159,7 +161,8 @@ def _write(results: list[RunResult], path: Path, folders: list[Path]) -> Path:
 
 
 def _report_of(folders: list[Path], page: Path) -> str | None:
-    """The report of the batch that runs are of, as an address from a page; None where there is none."""
+    """The report of the batch that runs are of, as an address from a page; None where there is
+    none."""
     from runner.view.replay.player import REPORT
 
     (batch, *others) = {folder.resolve().parent for folder in folders}

@@ -21,7 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 LEVELS = ("error", "warning", "info")
-"""Most severe first: an error breaks the standard, a warning deserves a look, an info is for the record."""
+"""Most severe first: an error breaks the standard, a warning deserves a look, an info is for the
+record."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""Checking files: well-formed, valid against the official XSD, and sound by every rule that concerns them; OSI traces too."""
+"""Checking files: well-formed, valid against the official XSD, and sound by every rule that
+concerns them; OSI traces too."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from schemas.common.xml import parse, parse_bytes, rule_of
 from schemas.osi.traces import SUFFIXES
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
-"""Uid of problems with files that exceed the limits of time or memory; not a rule of the registry"""
+"""Uid of problems with files that exceed the limits of time or memory; not a rule of the registry
+"""
 
 
 def check(

@@ -79,7 +79,8 @@ class CheckedDocument:
         return [element for tag in tags for element in self._index[0].get(tag, ())]
 
     def values(self, *names: str) -> Iterator[tuple[etree._Element, str, str]]:
-        """Element, attribute name and value of every attribute with one of these names; undecidable ones left out."""
+        """Element, attribute name and value of every attribute with one of these names; undecidable
+        ones left out."""
         for name in names:
             for element in self._index[1].get(name, ()):
                 value = self.value(element, name)
@@ -120,7 +121,8 @@ class CheckedDocument:
     # values -----------------------------------------------------------------------------------
 
     def value(self, element: etree._Element, name: str) -> str | None:
-        """An attribute's value with the parameters at their defaults; None where it is absent or cannot be decided."""
+        """An attribute's value with the parameters at their defaults; None where it is absent or
+        cannot be decided."""
         text = element.get(name)
         if text is None or "$" not in text:
             return text
@@ -138,7 +140,8 @@ class CheckedDocument:
             return None
 
     def lookup(self, element: etree._Element) -> expressions.Lookup:
-        """Values that parameters have at an element: the defaults of the declarations in scope there."""
+        """Values that parameters have at an element: the defaults of the declarations in scope
+        there."""
 
         def find(name: str) -> expressions.Value:
             declaration = self.declaration(element, name)
@@ -214,7 +217,8 @@ class CheckedDocument:
             return False
 
     def road_file(self, name: str) -> Path | None:
-        """The road network that a LogicFile names: where it says, or in the folders that were asked for; None without one."""
+        """The road network that a LogicFile names: where it says, or in the folders that were asked
+        for; None without one."""
         return (
             self.file(name)
             if self.has_file(name)
@@ -235,7 +239,8 @@ class CheckedDocument:
         return None
 
     def entry(self, reference: etree._Element) -> CatalogEntry | None:
-        """The catalogue entry that a CatalogReference stands for; None where its attributes are missing or undecidable.
+        """The catalogue entry that a CatalogReference stands for; None where its attributes are
+        missing or undecidable.
 
         Raises:
             NoEntry: there is none, or more than one.
@@ -250,7 +255,8 @@ class CheckedDocument:
         return self.catalogs.find(local_name(holder), catalog, name)
 
     def resolvable_entry(self, reference: etree._Element) -> CatalogEntry | None:
-        """The catalogue entry that a CatalogReference stands for, None where there is not exactly one."""
+        """The catalogue entry that a CatalogReference stands for, None where there is not exactly
+        one."""
         try:
             return self.entry(reference)
         except NoEntry:

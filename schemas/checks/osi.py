@@ -78,7 +78,8 @@ _FIELDS = {
     "TrafficSign.SupplementarySign.Classification": {"assigned_lane_id": "Lane"},
     "TrafficSign.SupplementarySign.Classification.Arrow": {"lane_id": "Lane"},
 }  # fmt: skip
-"""Rules of fields by message: set, unique among all ids, the message type that an id refers to, ranges, and conditions. Rules
+"""Rules of fields by message: set, unique among all ids, the message type that an id refers to,
+ranges, and conditions. Rules
 that demand presence of a repeated field are left out: an absent one is the same as an empty one."""
 _RANGE = re.compile(r"(>=|<=|<) (-?[\d.]+)")
 _COMPARE: dict[str, Callable[[float, float], bool]] = {

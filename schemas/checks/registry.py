@@ -33,7 +33,8 @@ class Finding(NamedTuple):
 Check = Callable[[CheckedDocument], Iterator[Finding]]
 
 MAX_FINDINGS = 100
-"""Problems reported per rule and file: one wrong habit of an exporter can break a rule ten thousand times."""
+"""Problems reported per rule and file: one wrong habit of an exporter can break a rule ten thousand
+times."""
 
 _STANDARDS = {"xosc": OPENSCENARIO, "xodr": OPENDRIVE}
 
@@ -89,7 +90,8 @@ class RegisteredRule:
 
 _rules: dict[str, RegisteredRule] = {}
 _PACKAGES = ("xosc.rules", "xodr.rules")
-"""Packages whose modules register the rules of a standard, loaded by name: they are a floor above"""
+"""Packages whose modules register the rules of a standard, loaded by name: they are a floor above
+"""
 
 
 def rule(
@@ -100,7 +102,8 @@ def rule(
     since: tuple[int, int] = (0, 0),
     precondition: bool = False,
 ) -> Callable[[Check], Check]:
-    """Register a check function under its uid; its docstring's first paragraph is the rule's description."""
+    """Register a check function under its uid; its docstring's first paragraph is the rule's
+    description."""
 
     def register(check: Check) -> Check:
         if uid in _rules:
@@ -131,7 +134,8 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
 def unresolved(
     document: CheckedDocument, what: str, known: Iterable[str], *attributes: str, where: str = ""
 ) -> Iterator[Finding]:
-    """A finding for each attribute with one of these names whose value is none of the known names of what it refers to."""
+    """A finding for each attribute with one of these names whose value is none of the known names
+    of what it refers to."""
     known = frozenset(known)
     for element, attribute, name in document.values(*attributes):
         if name not in known:
@@ -139,7 +143,8 @@ def unresolved(
 
 
 def negative(document: CheckedDocument, attributes: Iterable[tuple[str, str]]) -> Iterator[Finding]:
-    """A finding for each of these attributes (element name, attribute name) that is a negative number or none at all."""
+    """A finding for each of these attributes (element name, attribute name) that is a negative
+    number or none at all."""
     for tag, name in attributes:
         for element in document.elements(tag):
             value = document.number(element, name)

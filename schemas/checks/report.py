@@ -1,4 +1,5 @@
-"""Reports of a check: text for people, JSON for scripts, JUnit for CI, xqar for ASAM's tools, SARIF for code hosts."""
+"""Reports of a check: text for people, JSON for scripts, JUnit for CI, xqar for ASAM's tools, SARIF
+for code hosts."""
 
 from __future__ import annotations
 
@@ -213,7 +214,8 @@ def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
 
 
 def _rules(standard: str | None) -> list[tuple[str, str]]:
-    """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is None."""
+    """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is
+    None."""
     rules: list[RegisteredRule | OsiRule] = [*all_rules(), *all_osi_rules()]
     return [
         (rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])

@@ -1,4 +1,5 @@
-"""The elements of OpenDRIVE 1.4 to 1.9 that are read: their children, and the attributes that must be there and of what type.
+"""The elements of OpenDRIVE 1.4 to 1.9 that are read: their children, and the attributes that must
+be there and of what type.
 
 It checks road networks of versions whose XSD is not at hand. What one of these versions allows is
 allowed: the table is the union of their XSDs. Elements that it does not name (userData, objects'
@@ -43,7 +44,8 @@ _LANES = "lanes/laneSection/{}/lane"
 
 
 class _Element(NamedTuple):
-    """children: the names of child elements, None for any. attributes: type by name. required: attributes that must be there.
+    """children: the names of child elements, None for any. attributes: type by name. required:
+    attributes that must be there.
     must: children that must be there."""
 
     children: frozenset[str] | None
@@ -202,7 +204,8 @@ def unknown(root: etree._Element) -> Iterator[Unknown]:
 
 
 def violations(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
-    """Elements of a road network that are not as the table has them, in document order, and what is expected."""
+    """Elements of a road network that are not as the table has them, in document order, and what is
+    expected."""
     for element, _, declared, children in _described(root):
         yield from ((element, message) for message in _attributes(element, declared))
         names = {name for _, name in children}
@@ -222,7 +225,8 @@ _Children = list[tuple[etree._Element, str]]
 
 
 def _described(root: etree._Element) -> Iterator[tuple[etree._Element, str, _Element, _Children]]:
-    """Elements that the table describes, in document order: their path, description, and children with names."""
+    """Elements that the table describes, in document order: their path, description, and children
+    with names."""
     pending = [(root, "")]
     while pending:
         element, path = pending.pop()

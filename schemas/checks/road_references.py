@@ -1,5 +1,5 @@
-"""Road networks as references into them need them: ids, lengths and lanes, no geometry; and where they are, in the folders that
-were asked for, where they are not where a LogicFile says."""
+"""Road networks as references into them need them: ids, lengths and lanes, no geometry; and where
+they are, in the folders that were asked for, where they are not where a LogicFile says."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ _SUFFIX = ".xodr"
 
 
 class SectionLanes(NamedTuple):
-    """The lane ids of a section, the centre lane among them, from its start on, up to its end if it says so (m)."""
+    """The lane ids of a section, the centre lane among them, from its start on, up to its end if it
+    says so (m)."""
 
     start: float
     end: float
@@ -35,14 +36,16 @@ class SectionLanes(NamedTuple):
 
 @dataclass(frozen=True)
 class ReferencedRoad:
-    """Length in metres, and the lanes from each lane section's start on: the permanent ones, and the temporary ones of 1.9."""
+    """Length in metres, and the lanes from each lane section's start on: the permanent ones, and
+    the temporary ones of 1.9."""
 
     length: float
     sections: tuple[SectionLanes, ...]
     temporary: tuple[SectionLanes, ...] = ()
 
     def lanes(self, s: float, layer: str | None = None) -> frozenset[str]:
-        """Lane ids at a road coordinate, the centre lane among them: those in force, or those of the permanent layer."""
+        """Lane ids at a road coordinate, the centre lane among them: those in force, or those of
+        the permanent layer."""
         usual = _at(self.sections, s, first=True)
         temporary = _at(self.temporary, s)
         if layer == "permanent" or not temporary:
@@ -117,7 +120,8 @@ def _number(text: str | None) -> float:
 
 
 def asked_for(name: str, folders: Sequence[str | PathLike[str]] = ()) -> Path | None:
-    """The first file of that name, with or without the ending .xodr, in these folders and those in XOSC_ROAD_PATH."""
+    """The first file of that name, with or without the ending .xodr, in these folders and those in
+    XOSC_ROAD_PATH."""
     return first(search_path(folders, VARIABLE), name)
 
 

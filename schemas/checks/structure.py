@@ -40,7 +40,8 @@ def root_element_names_the_standard(document: CheckedDocument) -> Iterator[Findi
 @rule("asam.net:xosc:1.0.0:xml.fileheader_is_present", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.fileheader_is_present", precondition=True)
 def header_is_present(document: CheckedDocument) -> Iterator[Finding]:
-    """The root element must have the header as a child: FileHeader in OpenSCENARIO, header in OpenDRIVE."""
+    """The root element must have the header as a child: FileHeader in OpenSCENARIO, header in
+    OpenDRIVE."""
     if local_name(document.root) == document.standard and document.header is None:
         yield Finding(
             document.root,
@@ -51,7 +52,8 @@ def header_is_present(document: CheckedDocument) -> Iterator[Finding]:
 @rule("asam.net:xosc:1.0.0:xml.version_is_defined", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.version_is_defined", precondition=True)
 def header_has_the_version(document: CheckedDocument) -> Iterator[Finding]:
-    """The header must have the attributes revMajor and revMinor, non-negative integers of at most 65535."""
+    """The header must have the attributes revMajor and revMinor, non-negative integers of at most
+    65535."""
     if document.header is None:
         return
     for name in ("revMajor", "revMinor"):

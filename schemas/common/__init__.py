@@ -1,4 +1,5 @@
-"""Framework of all packages: errors and remarks, storage, limits on untrusted files, command lines, code found by its name.
+"""Framework of all packages: errors and remarks, storage, limits on untrusted files, command lines,
+code found by its name.
 
 Modules:
 

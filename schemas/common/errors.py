@@ -139,7 +139,8 @@ class UsageError(ToolchainError):
 
 
 class NotWritten(UsageError):
-    """Output that can't be written, as on a full disk or without the right: no fault of the file that was worked on."""
+    """Output that can't be written, as on a full disk or without the right: no fault of the file
+    that was worked on."""
 
 
 class InvalidFile(ToolchainError):
@@ -162,7 +163,8 @@ def reason(error: Exception) -> str:
 
 
 def blame(error: BaseException, module: str) -> str:
-    """Return an exception of a plug-in as one line, with file and line of the plug-in's code that raised it.
+    """Return an exception of a plug-in as one line, with file and line of the plug-in's code that
+    raised it.
 
     Args:
         module: name of the plug-in's module.
@@ -212,7 +214,8 @@ def describe(error: Exception) -> tuple[str, int]:
 
 
 def _lacks_memory(error: Exception) -> bool:
-    """Whether an error is a shortage of memory, also of the loader of libraries, which says so in its message only."""
+    """Whether an error is a shortage of memory, also of the loader of libraries, which says so in
+    its message only."""
     if isinstance(error, ImportError):
         return any(text in str(error) for text in ("failed to map segment", "cannot allocate"))
     if isinstance(error, RuntimeError) and "can't start new thread" in str(error):
@@ -229,7 +232,8 @@ def similar(name: str, names: Iterable[str]) -> str:
 
 
 def guess(name: str, names: Iterable[str]) -> str:
-    """Return the question for the most similar of `names`, with a blank after it; empty where none is."""
+    """Return the question for the most similar of `names`, with a blank after it; empty where none
+    is."""
     question = similar(name, names)
     return question and f"{question} "
 

@@ -1,4 +1,5 @@
-"""Fates of the fields of a model in a format: kept, changed or lost, as the writer of the format declares them.
+"""Fates of the fields of a model in a format: kept, changed or lost, as the writer of the format
+declares them.
 
 A writer has a table of the fate of each field; a test reads files back and compares each field that
 is said to be kept. The tables of documents are made from the same declarations.
@@ -57,7 +58,8 @@ def share_kept(tables: Mapping[str, Fates]) -> tuple[int, int]:
 
 
 def matrix(fields: Mapping[str, str], tables: Mapping[str, Fates]) -> Iterator[str]:
-    """Lines of a table in Markdown: a row a field, a column a format, and notes on all that is changed or lost.
+    """Lines of a table in Markdown: a row a field, a column a format, and notes on all that is
+    changed or lost.
 
     Args:
         fields: meaning of each field.

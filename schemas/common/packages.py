@@ -105,7 +105,8 @@ def optional(module: str) -> Any:
 
 
 def missing(error: BaseException, extra: str | None = None) -> MissingExtra | None:
-    """Return the error for a library that an extra installs and that is missing; None for other errors.
+    """Return the error for a library that an extra installs and that is missing; None for other
+    errors.
 
     Args:
         extra: what to install instead of the extra that brings this library alone.
@@ -121,7 +122,8 @@ def missing(error: BaseException, extra: str | None = None) -> MissingExtra | No
 
 @cache
 def version() -> str:
-    """Version of xosc-toolchain, from the installed metadata; "unknown" where it is used without being installed."""
+    """Version of xosc-toolchain, from the installed metadata; "unknown" where it is used without
+    being installed."""
     from importlib import metadata
 
     try:
@@ -144,14 +146,15 @@ def compiled() -> bool:
 def public(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package whose public names are imported on first use: commands answer `--help` at once.
+    """`__getattr__` and `__dir__` of a package whose public names are imported on first use:
+    commands answer `--help` at once.
 
     They know `__version__` as well.
 
     Args:
         package: the package's name.
-        homes: the module that each name is in, as `module:name` where it has another name there, and `module:` where it is the
-            module itself.
+        homes: the module that each name is in, as `module:name` where it has another name there,
+            and `module:` where it is the module itself.
     """
 
     def __getattr__(name: str) -> Any:
@@ -192,7 +195,8 @@ def load(package: str) -> list[ModuleType]:
 
 @cache
 def described(package: str, constant: str) -> dict[str, Any]:
-    """Return the values of a constant in a package's modules, by module name. No module is imported.
+    """Return the values of a constant in a package's modules, by module name. No module is
+    imported.
 
     Args:
         package: its full name.
@@ -258,18 +262,21 @@ def offered(name: str) -> Any:
 
 _MACHINERY = ("importlib", "_frozen_importlib")
 SAFE_PATH = "PYTHONSAFEPATH"
-"""Environment variable by which other Pythons that are started leave the working folder off their path."""
+"""Environment variable by which other Pythons that are started leave the working folder off their
+path."""
 
 
 def leave_working_folder_out() -> None:
-    """Take the working folder off the path where Python put it itself (`python -m`), here and in processes that are started."""
+    """Take the working folder off the path where Python put it itself (`python -m`), here and in
+    processes that are started."""
     os.environ[SAFE_PATH] = "1"
     if not sys.flags.safe_path and sys.path and _is_working_folder(sys.path[0]):
         del sys.path[0]
 
 
 def _is_working_folder(entry: str) -> bool:
-    """Whether an entry of the path is the working folder; that of a package's own source (`pip install -e`) comes later."""
+    """Whether an entry of the path is the working folder; that of a package's own source (`pip
+    install -e`) comes later."""
     return os.path.realpath(entry or os.curdir) == os.path.realpath(os.curdir)
 
 
@@ -277,7 +284,8 @@ def _is_working_folder(entry: str) -> bool:
 
 
 class _WorkingFolder:
-    """Finds modules in a folder, for imports of chosen modules and for imports by modules of the folder.
+    """Finds modules in a folder, for imports of chosen modules and for imports by modules of the
+    folder.
 
     A meta path finder (`importlib.abc.MetaPathFinder`); the last one, so that what is installed
     comes first.
@@ -349,7 +357,8 @@ def _finder(folder: str) -> _WorkingFolder:
 
 
 def import_file(file: str) -> ModuleType:
-    """The module in a file that the user has named, imported under the file's name; its imports from its folder are found too.
+    """The module in a file that the user has named, imported under the file's name; its imports
+    from its folder are found too.
 
     Raises:
         UsageError: there is no such file, or another module of that name is loaded.

@@ -39,7 +39,8 @@ class NameTaken(ValueError):
 
 
 def installed(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
-    """Return the entry points of a group that installed packages have, by name; nothing is imported.
+    """Return the entry points of a group that installed packages have, by name; nothing is
+    imported.
 
     Metadata in the working folder, which any repository may hold, is none of an installed package,
     but where Python keeps installed packages in it. Of a package that the path has twice, the first

@@ -1,4 +1,5 @@
-"""Policy of a command on reading, loading and resources: one per process, inherited by child processes.
+"""Policy of a command on reading, loading and resources: one per process, inherited by child
+processes.
 
 Files of strangers refer to other files, ask for plug-ins, and may take any time and memory.
 `CommandPolicy` states what they get. The places that read, load or work ask it:
@@ -66,7 +67,8 @@ class CommandPolicy:
     max_bytes: int | None = None
 
     def holds(self, path: str | PathLike[str]) -> bool:
-        """Whether a file or folder lies where the user said, symbolic links followed; so does all where nothing was named."""
+        """Whether a file or folder lies where the user said, symbolic links followed; so does all
+        where nothing was named."""
         try:
             real = Path(os.path.realpath(path))
         except (OSError, ValueError):
@@ -131,7 +133,8 @@ def current() -> CommandPolicy:
 
 @contextmanager
 def in_force(policy: CommandPolicy) -> Iterator[None]:
-    """Around all that a policy is for. What is in force is so in processes that are forked, too; others are given it.
+    """Around all that a policy is for. What is in force is so in processes that are forked, too;
+    others are given it.
 
     Raises:
         UsageError: this system can't keep its limits.
@@ -202,7 +205,8 @@ class _TimeOver(BaseException):
 
 @contextmanager
 def limited() -> Iterator[None]:
-    """Around the work on one file, or one run: it ends when its time is over, or memory has run out. Can decorate a function.
+    """Around the work on one file, or one run: it ends when its time is over, or memory has run
+    out. Can decorate a function.
 
     Inside another one, the time of that one counts. A library that does not come back to Python for
     that long takes its process along, where that is a worker's.
@@ -315,7 +319,8 @@ def _refuse_links_in(folder: Path) -> None:
 
 
 def _refuse_imports(named: Iterable[Path]) -> None:
-    """Python itself imports from the working folder where it is started as `python -m`, or PYTHONPATH says so."""
+    """Python itself imports from the working folder where it is started as `python -m`, or
+    PYTHONPATH says so."""
     installed = [Path(os.path.realpath(prefix)) for prefix in (sys.prefix, sys.base_prefix)]
     for entry in sys.path:
         real = Path(os.path.realpath(entry or os.curdir))

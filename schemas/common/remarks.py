@@ -1,4 +1,5 @@
-"""Remarks: what was assumed so that a file could be used which breaks its standard, or which asks for what is not done.
+"""Remarks: what was assumed so that a file could be used which breaks its standard, or which asks
+for what is not done.
 
 Checking is strict and names every fault; loading and running repair what has one sensible meaning.
 Each repair is reported once, as a remark on what was loaded:
@@ -57,7 +58,8 @@ BREACH = re.compile(r"\[[\w.-]+:xo(?:sc|dr):[\w.:-]+\]$")
 
 
 def told_quietly(remarks: Iterable[str]) -> str:
-    """Return the summary of remarks for a quiet command: the first one on a broken rule; "" without one.
+    """Return the summary of remarks for a quiet command: the first one on a broken rule; "" without
+    one.
 
     Args:
         remarks: of one file or several, as text.
@@ -70,7 +72,8 @@ def told_quietly(remarks: Iterable[str]) -> str:
 
 @contextmanager
 def with_ignored(remarks: Iterable[Remark]) -> Iterator[None]:
-    """Around all that reads a document: an error names an element that is ignored, as a reference into it leads nowhere.
+    """Around all that reads a document: an error names an element that is ignored, as a reference
+    into it leads nowhere.
 
     Args:
         remarks: those on the document.

@@ -1,4 +1,5 @@
-"""Reading files that may be anything, writing them whole or not at all, and keeping results of work that is resumed."""
+"""Reading files that may be anything, writing them whole or not at all, and keeping results of work
+that is resumed."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ MAX_BYTES = 256 * 1024 * 1024
 
 
 def cache_folder(part: str = "") -> Path:
-    """The cache folder, or a folder in it: XOSC_CACHE_DIR, or xosc-toolchain in XDG_CACHE_HOME or in ~/.cache.
+    """The cache folder, or a folder in it: XOSC_CACHE_DIR, or xosc-toolchain in XDG_CACHE_HOME or
+    in ~/.cache.
 
     Raises:
         ForeignCache: it is there, and another user may have put files into it.
@@ -52,7 +54,8 @@ class ForeignCache(UsageError):
 
 
 def is_own(path: Path) -> bool:
-    """Whether a file or folder is absent, or of this user or the system's and not for all to write into.
+    """Whether a file or folder is absent, or of this user or the system's and not for all to write
+    into.
 
     A folder for all in which users remove only their own files (as /tmp) is one. Windows keeps this
     by its own means.
@@ -72,7 +75,8 @@ def is_own(path: Path) -> bool:
 
 @contextmanager
 def own_cache() -> Iterator[str]:
-    """Around a command: yields "", or a remark if the cache folder is not of this user alone and an empty one takes its place."""
+    """Around a command: yields "", or a remark if the cache folder is not of this user alone and an
+    empty one takes its place."""
     try:
         cache_folder("sumo")
         cache_folder("roads")
@@ -90,7 +94,8 @@ def own_cache() -> Iterator[str]:
 
 
 POINTER = b"version https://git-lfs.github.com/spec/"
-"""Beginning of the small file that Git has in the place of a large one until `git lfs pull` brings that"""
+"""Beginning of the small file that Git has in the place of a large one until `git lfs pull` brings
+that"""
 LONGEST_POINTER = 1024
 """Bytes; the limit of Git LFS's specification"""
 
@@ -130,11 +135,13 @@ def read_bytes(path: Path) -> bytes:
 
 
 EXPANSION, LEAST_TABLE, LARGEST_TABLE = 100, 64 * 1024 * 1024, 2 * 1024**3
-"""Times its own size to which a table may expand, and the bytes that every table and no table may take"""
+"""Times its own size to which a table may expand, and the bytes that every table and no table may
+take"""
 
 
 def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
-    """Return columns of a Parquet file, after its metadata has shown that they are of a sensible size.
+    """Return columns of a Parquet file, after its metadata has shown that they are of a sensible
+    size.
 
     Texts are read as dictionaries first: a page of some kilobytes may stand for a million rows.
 
@@ -199,7 +206,8 @@ def _check_metadata(
 
 
 def read_feather(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
-    """Return columns of a Feather file (Arrow IPC), after its buffers have shown that they expand to a sensible size.
+    """Return columns of a Feather file (Arrow IPC), after its buffers have shown that they expand
+    to a sensible size.
 
     Messages are read in their order, and the footer, which could name others, is not. All values
     are checked: Arrow follows offsets of texts without looking where they lead.
@@ -240,7 +248,8 @@ _ARROW = b"ARROW1\0\0"
 
 
 def _expanded(message: pa.Message) -> int:
-    """Bytes that a message of Arrow IPC takes, once decompressed: of its buffers, and 8 for each row, as a column may have none.
+    """Bytes that a message of Arrow IPC takes, once decompressed: of its buffers, and 8 for each
+    row, as a column may have none.
 
     Source: Arrow's `Message.fbs`: a message's header is a batch, or holds one for a dictionary; a
     compressed buffer begins with its length, -1 where it is stored as it is.
@@ -295,7 +304,8 @@ def _check_expansion(size: int, limit: int, path: Path) -> None:
 
 
 def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[Path]:
-    """Folders that were asked for: these, then those of an environment variable, separated as in PATH."""
+    """Folders that were asked for: these, then those of an environment variable, separated as in
+    PATH."""
     return [
         Path(folder)
         for folder in (*folders, *filter(None, os.environ.get(variable, "").split(os.pathsep)))
@@ -303,7 +313,8 @@ def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[P
 
 
 def in_any_case(path: Path) -> Path | None:
-    """Return the only file or folder that matches a path without regard to case, as on Windows; else None."""
+    """Return the only file or folder that matches a path without regard to case, as on Windows;
+    else None."""
     found = Path(path.anchor)
     for part in path.parts[bool(path.anchor) :]:
         if not os.path.exists(found / part):  # unlike that of Path it takes names of any length
@@ -341,7 +352,8 @@ _SYNCED = 16
 LOCK = ".lock"
 """Name of the file by which `alone` keeps others out"""
 DRAFT = ".draft-"
-"""Beginning of the names of files and folders that are being written; a killed process leaves them."""
+"""Beginning of the names of files and folders that are being written; a killed process leaves them.
+"""
 Stamp = tuple[int, int]
 """Modification time in nanoseconds and size in bytes; a file has changed if either differs."""
 
@@ -392,7 +404,8 @@ def parse_object(
 
 
 def write_object(values: Mapping[str, Any], path: Path) -> None:
-    """Write a JSON object, whole or not at all and on the disk (see `keep`). Numbers must be finite.
+    """Write a JSON object, whole or not at all and on the disk (see `keep`). Numbers must be
+    finite.
 
     Raises:
         UsageError: the file can't be written.
@@ -447,7 +460,8 @@ def writing(what: str, path: Path) -> Iterator[None]:
 
 @contextmanager
 def alone(folder: Path, what: str) -> Iterator[None]:
-    """Around all that only one process at a time may do in a folder, which is made; a hidden lock file stays in it.
+    """Around all that only one process at a time may do in a folder, which is made; a hidden lock
+    file stays in it.
 
     Args:
         what: the work, for the message: "a batch".
@@ -474,7 +488,8 @@ def alone(folder: Path, what: str) -> Iterator[None]:
 
 
 def keep(content: bytes, path: Path, durable: bool = False) -> Path:
-    """Write a file whole or not at all, safe against concurrent writers of the same content; skip a file with that content.
+    """Write a file whole or not at all, safe against concurrent writers of the same content; skip a
+    file with that content.
 
     A file that another user may change is replaced in any case. A new file gets the permissions
     that the user's umask leaves.
@@ -501,7 +516,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
 
 @contextmanager
 def drafted(path: Path) -> Iterator[Path]:
-    """A path to write a file to, beside the one that it becomes at the end; after an error neither is there.
+    """A path to write a file to, beside the one that it becomes at the end; after an error neither
+    is there.
 
     The folder of the file is made.
 
@@ -553,7 +569,8 @@ def check_writable(path: Path, what: str) -> None:
 
 
 def _is_special(path: Path) -> bool:
-    """Whether a path is that of a device or a pipe, or leads to what a process has opened, as /dev/stdout does."""
+    """Whether a path is that of a device or a pipe, or leads to what a process has opened, as
+    /dev/stdout does."""
     folder = f"{os.path.realpath(path.parent)}/"
     opened = folder.startswith(("/dev/", "/proc/")) and not folder.startswith("/dev/shm/")  # noqa: S108  # a disk in memory
     opened = opened and os.path.isdir(folder)  # /dev/null/report.xml is none

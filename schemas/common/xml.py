@@ -1,4 +1,5 @@
-"""The only XML parser of the toolchain: no document types, no entities, no network, no oversized input."""
+"""The only XML parser of the toolchain: no document types, no entities, no network, no oversized
+input."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ _COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
 _START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']++|\"[^<\"]*+\"|'[^<']*+')*+>")
 _ATTRIBUTE = re.compile(rb"""\s([A-Za-z_][\w:.-]*)\s*=\s*("[^"]*"|'[^']*')""")
 LONGEST_TAG = 1024 * 1024
-"""Bytes that a start tag may have, with all its attributes; the parser takes some eighty times as much memory"""
+"""Bytes that a start tag may have, with all its attributes; the parser takes some eighty times as
+much memory"""
 MOST_PARTS = 10_000_000
 """Elements and attributes that a document may have; public road networks of 25 MB have a million"""
 _HINTS_OF_THE_PARSER = re.compile(
@@ -158,7 +160,8 @@ def local_name(element: etree._Element) -> str:
 
 
 def canonical(element: etree._Element) -> tuple[object, ...]:
-    """Return the content of an element for comparison: names, attributes, texts, children. Unlike C14N any namespace works."""
+    """Return the content of an element for comparison: names, attributes, texts, children. Unlike
+    C14N any namespace works."""
     children = (canonical(child) for child in element.iterchildren(etree.Element))
     return (
         str(element.tag),
@@ -175,7 +178,8 @@ def _doctype_refused(path: Path, line: int | None) -> InvalidFile:
 
 
 def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
-    """The content of a file without the faults that concern nothing in it, every line where it was, and what was done.
+    """The content of a file without the faults that concern nothing in it, every line where it was,
+    and what was done.
 
     These are a byte-order mark that is doubled or not at the beginning, an XML declaration that is
     not at the beginning, a DOCTYPE that declares nothing, `--` in comments, attributes that are
@@ -235,7 +239,8 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
 
 
 def _with_prefixes(data: bytes, note: Callable[[int, str], None]) -> bytes:
-    """The content with its undeclared prefixes of XML namespaces declared in its root, every line where it was."""
+    """The content with its undeclared prefixes of XML namespaces declared in its root, every line
+    where it was."""
     if b"\0" in data[:4]:
         return data
     used: dict[bytes, int] = {}
@@ -290,7 +295,8 @@ def _without_double_hyphens(data: bytes) -> bytes:
 
 
 def _without_doubled_attributes(data: bytes, note: Callable[[int, str], None]) -> bytes:
-    """The content, of the same length, without attributes that repeat what their element has said before."""
+    """The content, of the same length, without attributes that repeat what their element has said
+    before."""
 
     def once(tag: re.Match[bytes]) -> bytes:
         text, seen = tag[0], set[tuple[bytes, bytes]]()

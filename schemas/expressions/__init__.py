@@ -64,7 +64,8 @@ class ExpressionError(ToolchainError):
 
 
 class Function(NamedTuple):
-    """A function of the standard: how many arguments, what it does, and the version that introduced it."""
+    """A function of the standard: how many arguments, what it does, and the version that introduced
+    it."""
 
     arity: int
     apply: Callable[..., Number]
@@ -113,7 +114,8 @@ OPERATORS: dict[str, Callable[[Number, Number], Number]] = {
 
 
 def literal(value: Value) -> str:
-    """A value as it is written in a file: `true`, `5`, `0.1`; reading it back gives the same number."""
+    """A value as it is written in a file: `true`, `5`, `0.1`; reading it back gives the same
+    number."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -140,7 +142,8 @@ def finite(value: Number, operator: str) -> Number:
 
 
 Lookup = Callable[[str], Value]
-"""Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that says more."""
+"""Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that
+says more."""
 
 MAX_LENGTH = 10_000
 MAX_NESTING = 50
@@ -155,7 +158,8 @@ Node = Callable[[Lookup], Value]
 
 
 class Expression(NamedTuple):
-    """A parsed expression: its value by a look-up of parameters, and the names of the parameters and functions in it."""
+    """A parsed expression: its value by a look-up of parameters, and the names of the parameters
+    and functions in it."""
 
     node: Node
     parameters: frozenset[str]
@@ -193,7 +197,8 @@ def _tokens(body: str) -> list[tuple[str, str]]:
 
 
 class _Parser:
-    """Recursive descent; chains of equal operators become one node, so that only brackets and functions nest."""
+    """Recursive descent; chains of equal operators become one node, so that only brackets and
+    functions nest."""
 
     def __init__(self, tokens: list[tuple[str, str]]) -> None:
         self.tokens = [*tokens, ("end", "")]
@@ -397,7 +402,8 @@ def evaluate(text: str, lookup: Lookup) -> Value:
 
 
 def evaluate_columns(text: str, lookup: Callable[[str], Any]) -> Any:
-    """Values of an expression in many parameter sets (n,); None where they can't be worked out at once.
+    """Values of an expression in many parameter sets (n,); None where they can't be worked out at
+    once.
 
     Args:
         text: the expression.
@@ -446,7 +452,8 @@ def functions(text: str) -> set[str]:
 
 
 def substitute(text: str, lookup: Lookup) -> str:
-    """An attribute's value as a literal: what `$name` and `${…}` stand for, everything else as it is.
+    """An attribute's value as a literal: what `$name` and `${…}` stand for, everything else as it
+    is.
 
     Raises:
         ExpressionError: see `evaluate`.

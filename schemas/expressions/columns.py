@@ -1,8 +1,8 @@
 """One number of a document in many parameter sets at once.
 
-While a document is read for n sets, an attribute that varies between them reads as a `NumberColumn` of n
-numbers. What is decided by a number is decided as for the first set; the sets for which it would be
-decided otherwise are another structure, to be read again (`Columns.alike`).
+While a document is read for n sets, an attribute that varies between them reads as a `NumberColumn`
+of n numbers. What is decided by a number is decided as for the first set; the sets for which it
+would be decided otherwise are another structure, to be read again (`Columns.alike`).
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ class Columns:
         self.alike &= np.asarray(values) == values[0]
 
     def each(self, evaluate: Callable[[int], Any]) -> Any:
-        """Evaluate something for each set: a mark where it gives numbers that vary, else the value of the first set.
+        """Evaluate something for each set: a mark where it gives numbers that vary, else the value
+        of the first set.
 
         Values that are no numbers have to be the same; sets where they are not are not alike.
         """

@@ -51,7 +51,8 @@ _QUOTED_LENGTH = 80
 
 
 MARK = "\u27e8"
-"""Beginning of a text that stands for a number in many parameter sets (`schemas.expressions.columns`); no literal begins so"""
+"""Beginning of a text that stands for a number in many parameter sets
+(`schemas.expressions.columns`); no literal begins so"""
 
 
 def type_named(name: str) -> str:
@@ -82,7 +83,8 @@ def typed(kind: str, text: str) -> Value:
 
 
 def meant(kind: str, text: str) -> str:
-    """The text that `typed` takes for what a text stands for: itself, or a spelling of other tools put right.
+    """The text that `typed` takes for what a text stands for: itself, or a spelling of other tools
+    put right.
 
     These are integers with a fraction of zeros (`2.0`), booleans and infinities in other spellings
     (`True`, `inf`), and dates without a time, which are midnight.

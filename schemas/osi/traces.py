@@ -1,4 +1,5 @@
-"""Traces of OSI messages, read from `.osi` and `.mcap` files with limits on every size that a file declares.
+"""Traces of OSI messages, read from `.osi` and `.mcap` files with limits on every size that a file
+declares.
 
 Source: ASAM OSI 3.8, "OSI trace file formats"; MCAP format 0x30; the omega-prime specification for
 maps in a channel. A trace has GroundTruth messages, or SensorView messages whose
@@ -86,7 +87,8 @@ class Contents:
 
 
 class TraceMessage(NamedTuple):
-    """One message of a trace: its number from 1, the GroundTruth in it, the message itself, its publish time in MCAP (ns)."""
+    """One message of a trace: its number from 1, the GroundTruth in it, the message itself, its
+    publish time in MCAP (ns)."""
 
     number: int
     truth: Any
@@ -214,7 +216,8 @@ def _message(kind: str) -> Any:
 
 
 def _recognised(bodies: Iterable[bytes], path: Path) -> str:
-    """Message type of an `.osi` trace, which the file does not state: the type that parses most bytes of the first messages."""
+    """Message type of an `.osi` trace, which the file does not state: the type that parses most
+    bytes of the first messages."""
     first = [body for _, body in zip(range(_TRIED), bodies, strict=False)]
     total = sum(map(len, first))
     if not total:
@@ -295,7 +298,8 @@ def _check_message(length: int, number: int, path: Path) -> None:
 
 
 class _Bounded:
-    """A file that gives what is there and refuses to promise more: a declared size beyond its end is an error at once."""
+    """A file that gives what is there and refuses to promise more: a declared size beyond its end
+    is an error at once."""
 
     def __init__(self, file: Any, size: int, path: Path) -> None:
         self._file, self._left, self._path = file, size, path
@@ -454,7 +458,8 @@ def _messages(path: Path, channel: int) -> Iterator[tuple[bytes, int]]:
 
 
 def _map(body: bytes) -> Iterator[AttachedMap]:
-    """The map in a message of omega-prime: field 1 is its reference, field 2 the content of the OpenDRIVE file."""
+    """The map in a message of omega-prime: field 1 is its reference, field 2 the content of the
+    OpenDRIVE file."""
     unknown = optional("google.protobuf.unknown_fields")
     empty = parsed(optional("google.protobuf.empty_pb2").Empty, body)
     if empty is None:

@@ -1,4 +1,5 @@
-"""Versions of the standards: the schema of each, official or made from the one before by its differences.
+"""Versions of the standards: the schema of each, official or made from the one before by its
+differences.
 
 Modules:
 

@@ -13,7 +13,8 @@ for module in load("studies.generation.commands"):
 
 @app.callback()
 def study() -> None:
-    """Experiments on generation: methods, densities and systems under test compared on the same problem."""
+    """Experiments on generation: methods, densities and systems under test compared on the same
+    problem."""
 
 
 def main() -> None:

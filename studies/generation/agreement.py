@@ -1,4 +1,5 @@
-"""Agreement of verdicts of plays in arrays with SUMO's: at draws of the prior, and at failures in arrays."""
+"""Agreement of verdicts of plays in arrays with SUMO's: at draws of the prior, and at failures in
+arrays."""
 
 from __future__ import annotations
 

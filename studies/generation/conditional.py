@@ -1,4 +1,5 @@
-"""A conditional flow as the density of pairs, against the mixture of Student's t that judges them (METHOD §6).
+"""A conditional flow as the density of pairs, against the mixture of Student's t that judges them
+(METHOD §6).
 
 Both give p(what the two do | the ego's speed), of logarithms. The mixture is conditioned in closed
 form; the flow learns the condition.
@@ -131,7 +132,8 @@ class Flow:
         return self._flow(white[:, :1]).log_prob(white[:, 1:])
 
     def log_density(self, rows: FloatArray) -> FloatArray:
-        """log p(y | c) of rows (n, d): (n,). Whitening is triangular: the first column stays by itself."""
+        """log p(y | c) of rows (n, d): (n,). Whitening is triangular: the first column stays by
+        itself."""
         import torch
 
         with torch.no_grad():
@@ -170,7 +172,8 @@ MODELS: dict[str, Callable[[], Conditional]] = {
 
 
 class _Held(NamedTuple):
-    """Of rows that were not fitted: their log-densities (n,), and which are less likely than 99 % of draws (n,)."""
+    """Of rows that were not fitted: their log-densities (n,), and which are less likely than 99 %
+    of draws (n,)."""
 
     likelihood: FloatArray
     beyond: NDArray[np.bool_]
@@ -187,7 +190,8 @@ def _held(new: Callable[[], Conditional], rows: FloatArray, groups: NDArray[Any]
 
 
 def comparison(rows: FloatArray, recordings: NDArray[np.str_]) -> Table:
-    """Table of conditional densities of rows (n, d), the condition first, in a cross-validation by recording.
+    """Table of conditional densities of rows (n, d), the condition first, in a cross-validation by
+    recording.
 
     Raises:
         UsageError: zuko is not installed.

@@ -1,9 +1,10 @@
-"""Coverage of the interval of an estimate: recordings are drawn anew, the density is fitted on them, and a system is estimated.
+"""Coverage of the interval of an estimate: recordings are drawn anew, the density is fitted on
+them, and a system is estimated.
 
 The density of all recordings is the world: the probability under it is true. Each repetition draws
 recordings with replacement, fits its own density, and estimates by runs in arrays, as
-the product does for a system without plays in arrays. An interval that holds sampling and density covers the
-truth in 95 % of the repetitions.
+the product does for a system without plays in arrays. An interval that holds sampling and density
+covers the truth in 95 % of the repetitions.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ _SOUGHT = 300
 
 
 class Estimated(NamedTuple):
-    """An estimate of a repetition: system, the probability that is true, the estimate with its interval, whether it is stable."""
+    """An estimate of a repetition: system, the probability that is true, the estimate with its
+    interval, whether it is stable."""
 
     system: str
     repetition: int
@@ -50,7 +52,8 @@ class Estimated(NamedTuple):
 
 
 def resampled(recorded: Recorded, generator: np.random.Generator) -> Recorded:
-    """Draw recordings with replacement, as many as there are; one that is drawn twice counts as two."""
+    """Draw recordings with replacement, as many as there are; one that is drawn twice counts as
+    two."""
     names = np.unique(recorded.recordings)
     drawn = generator.choice(names, len(names))
     rows = [np.flatnonzero(recorded.recordings == name) for name in drawn]

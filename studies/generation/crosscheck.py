@@ -1,4 +1,5 @@
-"""P(failure | manoeuvre) by another library: subset simulation of OpenTURNS in arrays, with none of our estimate in it.
+"""P(failure | manoeuvre) by another library: subset simulation of OpenTURNS in arrays, with none of
+our estimate in it.
 
 S.-K. Au, J. L. Beck, Estimation of small failure probabilities in high dimensions by subset
 simulation, Probabilistic Engineering Mechanics 16, 2001.
@@ -23,7 +24,8 @@ _FAILS, _SAFE, _IMPOSSIBLE = -1e3, -999.0, 1e3
 
 
 class Found(NamedTuple):
-    """The probability of a collision, its coefficient of variation, and how many points were played."""
+    """The probability of a collision, its coefficient of variation, and how many points were
+    played."""
 
     value: float
     variation: float
@@ -72,7 +74,8 @@ def subset_simulation(prior: RecordedPrior, plays: Plays, seed: int) -> Found:
 
 
 class Level:
-    """Distance of standard normal points from a collision: −DRAC, less than all of these with a collision.
+    """Distance of standard normal points from a collision: −DRAC, less than all of these with a
+    collision.
 
     The last column chooses the Gaussian that the others are turned into.
 
@@ -87,7 +90,8 @@ class Level:
         self.dimensions, self.played = len(prior.searched) + 1, 0
 
     def points(self, normal: FloatArray) -> FloatArray:
-        """The prior's points (n, d), possible or not, that standard normal ones (n, dimensions) stand for."""
+        """The prior's points (n, d), possible or not, that standard normal ones (n, dimensions)
+        stand for."""
         chosen = np.minimum(np.searchsorted(self._until, ndtr(normal[:, -1])), len(self._until) - 1)
         factors = self._factors[
             chosen if len(self._factors) > 1 else np.zeros(len(chosen), np.int64)

@@ -1,4 +1,5 @@
-"""Which density model says most of recordings that it has not seen: held-out log-likelihoods (METHOD §3)."""
+"""Which density model says most of recordings that it has not seen: held-out log-likelihoods
+(METHOD §3)."""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ def gated(
     replayed: Share,
     draws: int,
 ) -> Table:
-    """Table of priors by what they say of recordings that they have not seen, and by how often their draws collide.
+    """Table of priors by what they say of recordings that they have not seen, and by how often
+    their draws collide.
 
     Args:
         priors: by the name of the density. run: runs rows of their space.

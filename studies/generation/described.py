@@ -1,4 +1,5 @@
-"""Whether seven parameters would have done: what an adversary did within an episode, as the manoeuvre that is nearest to it."""
+"""Whether seven parameters would have done: what an adversary did within an episode, as the
+manoeuvre that is nearest to it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,8 @@ def limits(
     coordinated: Callable[[FloatArray], Outcomes],
     draws: int,
 ) -> Table:
-    """Table of limits: that of the pair's density, those of what each adversary does alone, and all.
+    """Table of limits: that of the pair's density, those of what each adversary does alone, and
+    all.
 
     Args:
         run: runs rows of the space. coordinated: the same, where those collisions alone count that

@@ -1,4 +1,5 @@
-"""Effect of a limited jerk: the same draws of recorded braking, played with their jerk and with discontinuous accelerations."""
+"""Effect of a limited jerk: the same draws of recorded braking, played with their jerk and with
+discontinuous accelerations."""
 
 from __future__ import annotations
 

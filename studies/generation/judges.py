@@ -34,7 +34,8 @@ class Replays:
     def of(
         cls, scenario: Path, space: Space, recorded: Recorded, systems: Sequence[str]
     ) -> Replays | None:
-        """Play all units in arrays with each system; None where something is searched of which nothing is recorded."""
+        """Play all units in arrays with each system; None where something is searched of which
+        nothing is recorded."""
         replays = recorded.replays(space)
         if replays is None:
             return None
@@ -45,7 +46,8 @@ class Replays:
         return cls(collides, sites, None if inside.errors is None else inside.errors[:, 1])
 
     def markdown(self) -> str:
-        """Table with a row for each system: collisions, the most frequent site, median errors of colliding and of all units."""
+        """Table with a row for each system: collisions, the most frequent site, median errors of
+        colliding and of all units."""
         lines = [
             "| system | replays | collide | share | sites of these | error along the lane, m (all) |",
             "|---|---|---|---|---|---|",

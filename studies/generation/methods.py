@@ -1,4 +1,5 @@
-"""The methods of a study in the order of its tables: those of `xosc-generate`, the baselines, the ablations of MCSG."""
+"""The methods of a study in the order of its tables: those of `xosc-generate`, the baselines, the
+ablations of MCSG."""
 
 from __future__ import annotations
 

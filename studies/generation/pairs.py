@@ -1,4 +1,5 @@
-"""Failures that need two adversaries: those that vanish where either of the two keeps its speed and lane."""
+"""Failures that need two adversaries: those that vanish where either of the two keeps its speed and
+lane."""
 
 from __future__ import annotations
 
@@ -58,7 +59,8 @@ class Coordinated:
         self._plays, self._alone = plays, alone
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
-        """The outcomes at points (n, d); with another system than that of the settings, all collisions count."""
+        """The outcomes at points (n, d); with another system than that of the settings, all
+        collisions count."""
         outcomes = self._plays(theta, sut)
         if sut is not None:
             return outcomes
@@ -71,7 +73,8 @@ class Coordinated:
 
 
 def acting_alone(scenario: Path, folder: Path) -> dict[str, Path]:
-    """Scenarios, written into a folder, of each of two adversaries where the other one does nothing, by name.
+    """Scenarios, written into a folder, of each of two adversaries where the other one does
+    nothing, by name.
 
     Raises:
         UsageError: the scenario is none of two adversaries.

@@ -33,7 +33,8 @@ def overall(errors: FloatArray | None) -> Table:
 
 
 def by_kind(samples: Samples, title: str) -> Table:
-    """A row for each kind of units, for all that go sideways, and for all; `inside` counts those within the limits of Table 1."""
+    """A row for each kind of units, for all that go sideways, and for all; `inside` counts those
+    within the limits of Table 1."""
     rows: list[tuple[str, ...]] = []
     groups = [
         *((kind, (kind,)) for kind in KINDS),

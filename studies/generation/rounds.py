@@ -17,7 +17,8 @@ from schemas.common.array_types import FloatArray
 
 
 class Rounds(NamedTuple):
-    """Failures of the first search, of a second one that starts from them, and of a second one that does not know them."""
+    """Failures of the first search, of a second one that starts from them, and of a second one that
+    does not know them."""
 
     first: Failures
     fed: Failures

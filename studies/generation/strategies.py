@@ -35,7 +35,8 @@ def evolve(
     fitness: Callable[[Episodes], FloatArray],
     distance: float = GeneticSettings.distance,
 ) -> History:
-    """Maximise the fitness (n,) of episodes: pymoo's GA with its tournament, simulated binary crossover, polynomial mutation.
+    """Maximise the fitness (n,) of episodes: pymoo's GA with its tournament, simulated binary
+    crossover, polynomial mutation.
 
     Args:
         start: first population (n, d) in the unit cube.

@@ -1,4 +1,5 @@
-"""Which systems under test collide on the same cases, and which of these collisions a careful and competent driver avoids.
+"""Which systems under test collide on the same cases, and which of these collisions a careful and
+competent driver avoids.
 
 Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. The
 command for it is `python -m studies.generation systems`.
@@ -86,10 +87,10 @@ class Comparison:
         return "\n".join(lines) + "\n"
 
     def table(self) -> pa.Table:
-        """A row for each case and system: case, parameters (a map), system, collision, avoidable, r_risk, min_ttc (s; null where
-        there never was a lead), end_time (s), error; collision, r_risk and end_time are null where
-        there was no run, avoidable where there was no collision or the careful driver's run
-        failed."""
+        """A row for each case and system: case, parameters (a map), system, collision, avoidable,
+        r_risk, min_ttc (s; null where there never was a lead), end_time (s), error; collision,
+        r_risk and end_time are null where there was no run, avoidable where there was no collision
+        or the careful driver's run failed."""
         import pyarrow as pa
 
         jobs = [case.job if isinstance(case, Outcome) else case for case in self.cases]

@@ -6,8 +6,8 @@
 | `results` | result files in `studies/results`, and the journal of the stages that made them |
 | `page` | `docs/publication.md`, made of the result files and of the two tables in this folder |
 
-`components.csv` lists the parts of the method as published and as they are here, `published.csv` the
-figures of the publication.
+`components.csv` lists the parts of the method as published and as they are here, `published.csv`
+the figures of the publication.
 
 Example:
     python -m studies.publication --smallest --out publication

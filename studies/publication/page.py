@@ -1,4 +1,5 @@
-"""`docs/publication.md`: parts of the method, and the published tables beside our rows, from result files alone."""
+"""`docs/publication.md`: parts of the method, and the published tables beside our rows, from result
+files alone."""
 
 from __future__ import annotations
 
@@ -94,7 +95,8 @@ _RECOGNITION = (
     ("open-world", "parts left out", "Figure 3", ("ACC_cluster", "macro-F1 after")),
     ("chain", "five rounds on the model's own discoveries", "", ("ACC_cluster", "macro-F1 after")),
 )
-"""Tables of the protocol: name of the file, title, the publication's table, and the columns that are shown"""
+"""Tables of the protocol: name of the file, title, the publication's table, and the columns that
+are shown"""
 
 
 def _components() -> str:

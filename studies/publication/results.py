@@ -1,4 +1,5 @@
-"""Result files: small tables in `studies/results/SCALE/STAGE`, beside the journal of the commands that made them."""
+"""Result files: small tables in `studies/results/SCALE/STAGE`, beside the journal of the commands
+that made them."""
 
 from __future__ import annotations
 
@@ -83,7 +84,8 @@ def write_journal(entries: Iterable[Entry], folder: Path) -> None:
 
 
 def publish(stages: Iterable[Stage], work: Path, folder: Path) -> None:
-    """Copy the tables of stages, and the journal of a run, into a folder of results; what was there goes."""
+    """Copy the tables of stages, and the journal of a run, into a folder of results; what was there
+    goes."""
     shutil.rmtree(folder, ignore_errors=True)
     for stage in stages:
         for table in sorted(stage.tables.glob("*.csv")) if stage.tables else ():

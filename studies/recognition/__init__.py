@@ -1,1 +1,2 @@
-"""Experiments: protocols, baselines, ablations, agreement with the rules. No product code imports this."""
+"""Experiments: protocols, baselines, ablations, agreement with the rules. No product code imports
+this."""

@@ -51,7 +51,8 @@ class Deviation(NamedTuple):
 
 
 class Encounter(NamedTuple):
-    """The least time to collision (s) of the ego in the recording and in the run; None where it never closes in on anyone."""
+    """The least time to collision (s) of the ego in the recording and in the run; None where it
+    never closes in on anyone."""
 
     recorded: float | None
     driven: float | None
@@ -67,7 +68,8 @@ class Replay(NamedTuple):
 def of_catalogue(
     root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo"
 ) -> Iterator[tuple[str, Replay]]:
-    """Each scenario of a catalogue that replays a recording, by its name in the index, run and compared.
+    """Each scenario of a catalogue that replays a recording, by its name in the index, run and
+    compared.
 
     Args:
         root: the catalogue's folder.
@@ -85,7 +87,8 @@ def of_catalogue(
 
 
 def replayed(path: Path, scene: Excerpt, world: str = "sumo") -> Replay:
-    """Run a scenario without a system under test, and compare every participant with the scene that it was made from.
+    """Run a scenario without a system under test, and compare every participant with the scene that
+    it was made from.
 
     Reference points and motion are compared at every recorded row, also those that the scenario has
     no vertex for.
@@ -104,7 +107,8 @@ def replayed(path: Path, scene: Excerpt, world: str = "sumo") -> Replay:
 
 
 def _within(part: Part, scene: Excerpt) -> Track:
-    """Return the recorded track of a participant during the scene, at times from its start, without places on the road."""
+    """Return the recorded track of a participant during the scene, at times from its start, without
+    places on the road."""
     rows = slice(int(part.rows[0]), int(part.rows[-1]) + 1)
     columns = {name: values[rows] for name, values in part.track.columns.items()}
     columns["time"] = columns["time"] - scene.start

@@ -1,4 +1,5 @@
-"""Measures of recognition: with all classes known, with unknown ones among them, and for clusters of these.
+"""Measures of recognition: with all classes known, with unknown ones among them, and for clusters
+of these.
 
 Labels are class ids from 1; 0 is unknown. Scores of outlyingness are higher for what looks less
 like the known classes.
@@ -78,7 +79,8 @@ def auroc(truth: ArrayLike, scores: ArrayLike) -> float:
 
 
 def oscr(truth: ArrayLike, closed: ArrayLike, scores: ArrayLike) -> float:
-    """Area under the open-set classification rate curve (Dhamija et al., Reducing Network Agnostophobia, NeurIPS 2018).
+    """Area under the open-set classification rate curve (Dhamija et al., Reducing Network
+    Agnostophobia, NeurIPS 2018).
 
     At a threshold τ, the correct classification rate is the share of known samples that are rightly
     classified with a score ≤ τ, the false positive rate the share of unknown samples with a score ≤
@@ -120,7 +122,8 @@ class Clustering(NamedTuple):
 
 
 def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = None) -> Clustering:
-    """Hungarian clustering accuracy: clusters are matched one to one with classes so that most samples agree.
+    """Hungarian clustering accuracy: clusters are matched one to one with classes so that most
+    samples agree.
 
     Args:
         truth: true labels (n,).

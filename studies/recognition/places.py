@@ -1,4 +1,5 @@
-"""`python -m studies.recognition places`: how much of the classes the map alone tells, among those of one kind of place too."""
+"""`python -m studies.recognition places`: how much of the classes the map alone tells, among those
+of one kind of place too."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def places(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Measure how well forests tell classes apart by the map alone, and by motion alone: all, and those of each kind of place.
+    """Measure how well forests tell classes apart by the map alone, and by motion alone: all, and
+    those of each kind of place.
 
     Balanced accuracy, cross-validated by recording, so that no map of a test trains.
     """

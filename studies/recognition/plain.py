@@ -1,4 +1,5 @@
-"""Features of windows of tokens without an encoder: what the map alone tells, and plain numbers of motion."""
+"""Features of windows of tokens without an encoder: what the map alone tells, and plain numbers of
+motion."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ _STATIC = ("lanes_to_left", "lanes_to_right", "lane_behind", "lane_ahead", "limi
 
 
 def static(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
-    """Return map-only features of the middle of windows (n, participants, frames, features): the ego's lane, without traffic."""
+    """Return map-only features of the middle of windows (n, participants, frames, features): the
+    ego's lane, without traffic."""
     columns = [
         number
         for number, name in enumerate(FEATURES)
@@ -21,8 +23,9 @@ def static(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
 
 
 def kinematic(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
-    """Thirteen numbers of the motion in windows (n, participants, frames, features), without the map: of the ego's speed,
-    acceleration, yaw rate, lateral speed and way to the side, and of the gap to its lead."""
+    """Thirteen numbers of the motion in windows (n, participants, frames, features), without the
+    map: of the ego's speed, acceleration, yaw rate, lateral speed and way to the side, and of the
+    gap to its lead."""
     with np.errstate(all="ignore"):
         ego = np.asarray(inputs[:, 0], np.float32)
         names = ("speed", "acceleration", "yaw_rate", "lateral_speed", "aside")

@@ -12,7 +12,8 @@ _WINDOW = 200
 _FEWEST_RECENT = 30
 """Accepted samples without which a shift is not judged."""
 _COMPARED = 0.9
-"""Quantile of deficits by which a shift is judged: lower ones hardly move where most samples have all votes."""
+"""Quantile of deficits by which a shift is judged: lower ones hardly move where most samples have
+all votes."""
 _STRETCH = 4.0
 """Greatest factor by which recalibration stretches deficits."""
 
@@ -40,7 +41,8 @@ class Recalibrated(EvtJoint):
         return super()._judged(votes, distances) / self.stretches
 
     def recalibrate(self, votes: IntArray, distances: FloatArray | None = None) -> None:
-        """Follow a shift of the known classes, seen in votes (n, K) and distances (n,) of samples without labels.
+        """Follow a shift of the known classes, seen in votes (n, K) and distances (n,) of samples
+        without labels.
 
         The 90th percentile of the deficits of the latest accepted samples, over what it was at
         calibration, stretches the distribution of deficits, never below what was calibrated. The

@@ -1,4 +1,5 @@
-"""k-means beside labelled samples of known classes, and the number of new classes that suits held-out known ones best."""
+"""k-means beside labelled samples of known classes, and the number of new classes that suits
+held-out known ones best."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ _MOST = 10
 def semi_supervised(
     unknown: Features, known: Features, labels: IntArray, count: int, seed: int = 0
 ) -> IntArray:
-    """Cluster (n,) of each unknown sample: 0 to K - 1 for the known classes, ascending, then the new ones.
+    """Cluster (n,) of each unknown sample: 0 to K - 1 for the known classes, ascending, then the
+    new ones.
 
     Labelled samples stay with their class; centres of the new clusters are drawn as in k-means++,
     the best of five starts. Source: Vaze, Han, Vedaldi, Zisserman, "Generalized Category Discovery"

@@ -1,4 +1,5 @@
-"""`python -m studies.recognition sites`: a model, and rows to hold it against, on recordings of sites that none has seen."""
+"""`python -m studies.recognition sites`: a model, and rows to hold it against, on recordings of
+sites that none has seen."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ _OF_EACH = 400
 
 
 class Row(NamedTuple):
-    """Features of windows, made with the model at hand, and the classifier of them that is held against it."""
+    """Features of windows, made with the model at hand, and the classifier of them that is held
+    against it."""
 
     title: str
     made: Callable[[TRFE, Inputs], NDArray[np.float32]]
@@ -77,7 +79,8 @@ ROWS: dict[str, Row] = {
 }
 """Rows by name. Each screens and calibrates as the model does."""
 OTHERS = "others"
-"""The fine-tuned encoder with other recordings in training, each time without those that it is measured on"""
+"""The fine-tuned encoder with other recordings in training, each time without those that it is
+measured on"""
 
 
 @interruptible("studies.recognition sites")
@@ -111,7 +114,8 @@ def sites(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Measure how a model agrees with the rules on recordings, at their events and at a regular stride.
+    """Measure how a model agrees with the rules on recordings, at their events and at a regular
+    stride.
 
     With the windows that trained it, classifiers of other features are held against it, and one
     that learns from the other recordings too, each time without those that it is measured on.
@@ -192,8 +196,8 @@ def _rows(
 def recogniser(
     row: Row, trfe: TRFE, labelled: Windows, held: Windows, develop: Sequence[SiteWindows]
 ) -> Callable[[Windows], NDArray[np.int64]]:
-    """A row fitted on windows and calibrated on others, as a function of windows; with recordings to develop on, thresholds are
-    chosen by these."""
+    """A row fitted on windows and calibrated on others, as a function of windows; with recordings
+    to develop on, thresholds are chosen by these."""
     from recognition.trfe.config import Config, Steps
     from recognition.trfe.forest.known import DELTA
     from recognition.trfe.training.card import SiteWindows, accept, least_shares

@@ -1,4 +1,5 @@
-"""Other ways to do the steps of TRFE, which ablations put in the place of the method's own (`recognition.trfe.config.Steps`)."""
+"""Other ways to do the steps of TRFE, which ablations put in the place of the method's own
+(`recognition.trfe.config.Steps`)."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ grow_plain = partial(grow, background=False, neighbours=False)
 
 
 class LinearVotes(NamedTuple):
-    """Logistic regression that votes: probabilities in place of trees, and the distance to the fifth nearest training sample.
+    """Logistic regression that votes: probabilities in place of trees, and the distance to the
+    fifth nearest training sample.
 
     Args:
         linear: fitted on standardised features. nearest: training samples, standardised and cut to
@@ -159,7 +161,8 @@ class CosinePrototypes(EuclideanPrototypes):
 
 
 class MarginPrototypes(EuclideanPrototypes):
-    """r(h) = ρ_c / margin(h) for the nearest class c: the second nearest centre is further than the nearest by the margin.
+    """r(h) = ρ_c / margin(h) for the nearest class c: the second nearest centre is further than the
+    nearest by the margin.
 
     ρ is the 5th percentile of a class's own margins. Margins are small for samples between classes.
     """

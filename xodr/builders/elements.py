@@ -1,4 +1,5 @@
-"""Designs of roads: pieces of their reference lines, lanes by width, and the writer of maps (OpenDRIVE 1.7, or 1.9 with layers).
+"""Designs of roads: pieces of their reference lines, lanes by width, and the writer of maps
+(OpenDRIVE 1.7, or 1.9 with layers).
 
 A design says what a file says; `xodr.model.road.Road` is what a reader computes from it (borders
 and centres of lanes in a road's s, resolved links). Links, signals, objects, junctions and
@@ -35,7 +36,8 @@ from xodr.model import (
 )
 from xodr.model.geometry import Cubic
 
-# plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`, p from 0 to 1) ----
+# plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`, p from 0 to
+# 1) ----
 
 
 class PlanPose(NamedTuple):
@@ -57,7 +59,8 @@ class PlanPose(NamedTuple):
 
 
 class Clothoid(NamedTuple):
-    """Piece of a reference line, a straight or an arc too: length in m, curvatures at start and end in 1/m, linear between."""
+    """Piece of a reference line, a straight or an arc too: length in m, curvatures at start and end
+    in 1/m, linear between."""
 
     length: float
     start: float = 0.0
@@ -106,7 +109,8 @@ Coefficients = tuple[float, float, float, float]
 
 
 class CubicPiece(NamedTuple):
-    """A piece u(p), v(p) in the frame of its start: u ahead, v to the left, a + b·p + c·p² + d·p³ with p from 0 to 1.
+    """A piece u(p), v(p) in the frame of its start: u ahead, v to the left, a + b·p + c·p² + d·p³
+    with p from 0 to 1.
 
     length: of the curve, in m. The curve begins at the frame's origin in its direction: a of both
     and b of v are 0.
@@ -117,7 +121,8 @@ class CubicPiece(NamedTuple):
     v: Coefficients
 
     def after(self, pose: PlanPose) -> PlanPose:
-        """The pose at the end of the piece that starts at `pose`; it turns by less than half a turn."""
+        """The pose at the end of the piece that starts at `pose`; it turns by less than half a
+        turn."""
         ahead, aside = sum(self.u), sum(self.v)
         turn = math.atan2(
             self.v[1] + 2 * self.v[2] + 3 * self.v[3], self.u[1] + 2 * self.u[2] + 3 * self.u[3]
@@ -150,10 +155,12 @@ REVISION, REVISION_OF_LAYERS = (1, 7), (1, 9)
 
 @dataclass(frozen=True)
 class LaneDesign:
-    """A lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
+    """A lane of a section: type of the standard, width, the mark on its outer border, its links,
+    and its own speed limit.
 
     width: cubics, whose starts count from that of the section. speed_limit: in m/s; None where that
-    of the road holds. other_predecessor, other_successor: links to lanes of the other layer. height:
+    of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
+    height:
     of the inner and the outer border over the road's surface, m.
     """
 
@@ -170,7 +177,8 @@ class LaneDesign:
 
 @dataclass(frozen=True)
 class SectionDesign:
-    """Lane section from `s` on; lane 0 is implied and carries `centre_mark`. length: of a section of temporary lanes, m."""
+    """Lane section from `s` on; lane 0 is implied and carries `centre_mark`. length: of a section
+    of temporary lanes, m."""
 
     s: float
     lanes: Mapping[int, LaneDesign]
@@ -195,7 +203,8 @@ def traffic_light(
 
 
 def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]]) -> Connection:
-    """A way through a junction whose connecting road is entered at its start; the writer numbers it."""
+    """A way through a junction whose connecting road is entered at its start; the writer numbers
+    it."""
     return Connection(
         "",
         incoming,
@@ -207,9 +216,11 @@ def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]])
 
 @dataclass(frozen=True)
 class RoadDesign:
-    """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
+    """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s,
+    infinite for none.
 
-    offset: t of lane 0, along the whole road. elevation, superelevation: height (m) of the reference
+    offset: t of lane 0, along the whole road. elevation, superelevation: height (m) of the
+    reference
     line and roll (rad) about it, none for a flat road. temporary, temporary_offset: the same of the
     temporary layer of lanes.
     """
@@ -264,7 +275,8 @@ class RoadDesign:
 
 @dataclass(frozen=True)
 class Geo:
-    """The projection of a map as a PROJ string, and the projected coordinates (easting, northing, m) of the map's origin.
+    """The projection of a map as a PROJ string, and the projected coordinates (easting, northing,
+    m) of the map's origin.
 
     height: of the map's origin, m. heading: of the map's x axis in the projection, rad.
     """

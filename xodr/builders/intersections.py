@@ -64,7 +64,8 @@ def t_junction(
     *, lanes: int = 1, lane_width: float = 3.5, arm: float = 150.0, corner_radius: float = 8.0, signals: bool = False,
     speed_limit: float = 50 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
-    """A side road from the south that ends at a main road from west to east, which has the right of way.
+    """A side road from the south that ends at a main road from west to east, which has the right of
+    way.
 
     Arguments as those of `four_way_intersection`.
     """
@@ -127,7 +128,8 @@ class _Crossing:
         )  # fmt: skip
 
     def _paths(self, roads: dict[int, RoadDesign]) -> Iterator[tuple[int, int, RoadDesign]]:
-        """(incoming arm, incoming lane, connecting road): left turns from the inner lane, right turns from the outer one."""
+        """(incoming arm, incoming lane, connecting road): left turns from the inner lane, right
+        turns from the outer one."""
         number = JUNCTION + 1
         for here in self.arms:
             for there in self.arms:
@@ -159,7 +161,8 @@ def _main_road_first(paths: list[tuple[int, int, RoadDesign]]) -> tuple[tuple[st
 
 
 ARM, RING, JUNCTION = 1, 11, 100
-"""First ids of the arms (1, 2, …), ring segments (11, 12, …) and junctions (100, 200, …; their roads follow)."""
+"""First ids of the arms (1, 2, …), ring segments (11, 12, …) and junctions (100, 200, …; their
+roads follow)."""
 
 
 def roundabout(

@@ -1,4 +1,5 @@
-"""Single roads (straight, sharp curve, narrow, assumed for scenarios without one), motorway ramps, lane layouts of all builders.
+"""Single roads (straight, sharp curve, narrow, assumed for scenarios without one), motorway ramps,
+lane layouts of all builders.
 
 On-ramp (merge) and off-ramp (diverge) are the same picture in opposite directions of travel: a
 carriageway along the x axis, a junction in which an arc joins the ramp to the carriageway's
@@ -72,7 +73,8 @@ def closing(width: float, length: float) -> tuple[Cubic, ...]:
 def carriageway(
     lanes: int, width: float, side: int = -1, edge: float = 0.0
 ) -> dict[int, LaneDesign]:
-    """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge` > 0, a shoulder."""
+    """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge`
+    > 0, a shoulder."""
     built = {
         side * number: LaneDesign(
             LANE, constant(width), mark="broken" if number < lanes else "solid"
@@ -87,7 +89,8 @@ def carriageway(
 def linked(
     section: SectionDesign, predecessors: dict[int, int] | None, successors: dict[int, int] | None
 ) -> SectionDesign:
-    """The section with lane links filled in; None links every lane to its own id, an empty table none."""
+    """The section with lane links filled in; None links every lane to its own id, an empty table
+    none."""
     lanes = {
         key: replace(
             lane,
@@ -116,7 +119,8 @@ def connecting_road(
     after: tuple[RoadDesign, int],
     width: float,
 ) -> RoadDesign:
-    """One lane (-1) through a junction, from a lane to a lane of equal width: a single clothoid that fits both exactly.
+    """One lane (-1) through a junction, from a lane to a lane of equal width: a single clothoid
+    that fits both exactly.
 
     Its reference line leads along the lane's inner border. A left-hand lane is entered from or left
     towards the start of its road, a right-hand lane at the other end, as right-hand traffic has it.
@@ -132,7 +136,8 @@ def connecting_road(
 
 
 def _mouth(road: RoadDesign, lane: int, width: float, entering: bool) -> tuple[PlanPose, str]:
-    """Pose of a lane's inner border in the direction of travel where traffic enters or leaves the road, and the contact point."""
+    """Pose of a lane's inner border in the direction of travel where traffic enters or leaves the
+    road, and the contact point."""
     at_start = entering == (lane < 0)
     border = (abs(lane) - 1) * width
     pose = (road.start if at_start else road.end).shifted(math.copysign(border, lane))
@@ -141,7 +146,8 @@ def _mouth(road: RoadDesign, lane: int, width: float, entering: bool) -> tuple[P
 
 _WIDTH, _SPEED_LIMIT = 3.5, 100 / 3.6
 _APART = 200.0
-"""Distance (m) between the reference lines of two roads: entities on different roads do not meet."""
+"""Distance (m) between the reference lines of two roads: entities on different roads do not meet.
+"""
 
 
 class RoadUse(NamedTuple):
@@ -276,7 +282,8 @@ def narrow_road(
     *, lanes: int = 1, opposite_lanes: int = 1, lane_width: float = 2.5, shoulder: float = 0.5, length: float = 400.0,
     speed_limit: float = 30 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
-    """A straight narrow street along the x axis: lanes barely wider than a lorry, no room beside them.
+    """A straight narrow street along the x axis: lanes barely wider than a lorry, no room beside
+    them.
 
     Args:
         lanes, opposite_lanes: driving lanes with and against +s.
@@ -466,7 +473,8 @@ class _Site:
         )  # fmt: skip
 
     def fading(self, direction: int) -> tuple[Cubic, ...]:
-        """Width of the shoulder beside the ramp's arc: from full to nothing (-1) or the other way (+1)."""
+        """Width of the shoulder beside the ramp's arc: from full to nothing (-1) or the other way
+        (+1)."""
         length = self.radius * math.sin(self.angle)
         if direction > 0:
             return (Cubic(0.0, 0.0, 0.0, self.shoulder / length**2),)
@@ -515,7 +523,8 @@ class _Site:
         after: tuple[int, int, float],
         kind: str,
     ) -> RoadDesign:
-        """The connecting road of the ramp, from and to (road, lane, lane width): an arc to the right."""
+        """The connecting road of the ramp, from and to (road, lane, lane width): an arc to the
+        right."""
         length = self.radius * self.angle
         change = after[2] - before[2]
         width = (Cubic(0.0, before[2], 0.0, 3 * change / length**2, -2 * change / length**3),)

@@ -129,7 +129,8 @@ def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
 
 
 def _lean(row: list[MapLane], leftwards: int) -> None:
-    """Tilt lanes beside each other by the heights of their centre lines: a network has no other cross slope.
+    """Tilt lanes beside each other by the heights of their centre lines: a network has no other
+    cross slope.
 
     Args:
         row: lanes of an edge by index.

@@ -1,4 +1,5 @@
-"""Lanes along a route: which to be in, and where to change, so that waypoints are passed in their lanes with the fewest changes.
+"""Lanes along a route: which to be in, and where to change, so that waypoints are passed in their
+lanes with the fewest changes.
 
 A route is cut into cells, one for each lane section and up to each waypoint. The cost of a lane at
 the beginning of a cell is that of the cheapest way on: a lane change counts 1, a waypoint that is
@@ -27,7 +28,8 @@ _ON_BORDER = 1e-3
 
 
 class Leg(NamedTuple):
-    """One road of a route: from s = `enter` to s = `leave`; `before` is the route's length up to its beginning.
+    """One road of a route: from s = `enter` to s = `leave`; `before` is the route's length up to
+    its beginning.
 
     exit_lanes: the lanes at the road's end that lead on to the next leg; empty on the last leg.
     """
@@ -45,7 +47,8 @@ class Leg(NamedTuple):
         return abs(self.leave - self.enter)
 
     def passes(self, point: RoadPoint, links: Sequence[LaneLink]) -> bool:
-        """Whether ways off the leg's road between its ends are offered, and the leg goes on past them."""
+        """Whether ways off the leg's road between its ends are offered, and the leg goes on past
+        them."""
         return (
             bool(links)
             and (links[0].road_id, links[0].s) == (point.road_id, point.s)
@@ -54,7 +57,8 @@ class Leg(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """A waypoint on a route: its number, the leg that it is on, its s, and the lane that it asks for, if it does."""
+    """A waypoint on a route: its number, the leg that it is on, its s, and the lane that it asks
+    for, if it does."""
 
     number: int
     leg: int
@@ -63,7 +67,8 @@ class Checkpoint(NamedTuple):
 
 
 class LaneCell(NamedTuple):
-    """A stretch of a leg within one lane section, from `begin` to `end` [m] in the direction of travel."""
+    """A stretch of a leg within one lane section, from `begin` to `end` [m] in the direction of
+    travel."""
 
     leg: int
     section: LaneSection
@@ -74,7 +79,8 @@ class LaneCell(NamedTuple):
 
 
 def checkpoint(road: Road, number: int, leg: int, point: RoadPoint) -> Checkpoint:
-    """A waypoint, with the lane below it; none where it lies on the border of lanes, or beside the road."""
+    """A waypoint, with the lane below it; none where it lies on the border of lanes, or beside the
+    road."""
     s = min(max(point.s, 0.0), road.length)
     below = road.lane_at(s, point.t)
     inside = 0.5 * road.lane_width(s, below) - _ON_BORDER if below else 0.0
@@ -89,8 +95,8 @@ class LanePlan:
         ways, links: those of the road network.
         legs: the route's, each left where the next begins.
         checkpoints: its waypoints in order, without the first.
-        parallel: other roads through junctions that lead from the leg before to the leg after one, by
-            the number of that leg.
+        parallel: other roads through junctions that lead from the leg before to the leg after one,
+            by the number of that leg.
     """
 
     def __init__(
@@ -123,7 +129,8 @@ class LanePlan:
         return last.lane if last is not None else None
 
     def cost(self, leg: int, lane: int, way: Way | None = None) -> float:
-        """Cost of beginning a leg, or another way in its place, in a lane; infinite where that leads nowhere."""
+        """Cost of beginning a leg, or another way in its place, in a lane; infinite where that
+        leads nowhere."""
         if way is not None and way in self.parallel:
             return min(
                 (self.cost(leg + 1, following) for following in self._through(way, lane)),
@@ -143,7 +150,8 @@ class LanePlan:
         return None if beyond else self._cells[index]
 
     def lane(self, leg: int, s: float, lane: int, only_on: bool = False) -> int:
-        """The lane to change to on a leg at an s; the present one where nothing is better, or the plan says nothing of it.
+        """The lane to change to on a leg at an s; the present one where nothing is better, or the
+        plan says nothing of it.
 
         Args:
             only_on: whether any lane will do that leads on along the route.
@@ -237,7 +245,8 @@ class LanePlan:
         return missed + min(costs, default=math.inf)
 
     def _beside(self, index: int, lane: int) -> Iterator[tuple[Way, int, int]]:
-        """Ways in the place of the next leg that a lane leads to at the end of a cell, with the lanes there and that leg."""
+        """Ways in the place of the next leg that a lane leads to at the end of a cell, with the
+        lanes there and that leg."""
         cell = self._cells[index]
         leg = self._legs[cell.leg]
         if self._cells[index + 1].leg == cell.leg:
@@ -248,7 +257,8 @@ class LanePlan:
                 yield way, link.lane_id, cell.leg + 1
 
     def _through(self, way: Way, lane: int) -> list[int]:
-        """Lanes that a lane of a way in the place of a leg leads to, at the beginning of the leg after."""
+        """Lanes that a lane of a way in the place of a leg leads to, at the beginning of the leg
+        after."""
         road, following = self._ways.roads[way.road_id], self._legs[self.parallel[way] + 1]
         sections = road.sections if way.forward else road.sections[::-1]
         for section, after in pairwise(sections):
@@ -260,7 +270,8 @@ class LanePlan:
         return [link.lane_id for link in links if (link.road_id, link.at_start) == following[:2]]
 
     def _best(self, index: int, lane: int) -> tuple[float, int]:
-        """Cost of a lane at the beginning of a cell, and the lane to change to; of equal ones that which needs no more changes later."""
+        """Cost of a lane at the beginning of a cell, and the lane to change to; of equal ones that
+        which needs no more changes later."""
         ends, lanes = self._ends[index], self._lanes[index]
         best = ends.get(lane, math.inf), lane
         for step in (-1, 1):

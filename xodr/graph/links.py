@@ -1,4 +1,5 @@
-"""Links between lanes: at the ends of roads, by road and junction links, and along a road, by virtual junctions and cross paths.
+"""Links between lanes: at the ends of roads, by road and junction links, and along a road, by
+virtual junctions and cross paths.
 
 Every meeting is kept in both directions, so that a way can be followed backwards too and a link
 that only one of the two roads declares is still a link. A road that begins or ends at a virtual
@@ -28,7 +29,8 @@ from xodr.model import (
 from xodr.model.road import Road, lane_in
 
 LinkTable = dict[tuple[str, int, bool], list[LaneLink]]
-"""Lanes reached from (road id, lane id, leaving at the end (True) or the start (False) of the road)."""
+"""Lanes reached from (road id, lane id, leaving at the end (True) or the start (False) of the
+road)."""
 
 _Joint = tuple[LaneLink, LaneLink]
 
@@ -45,7 +47,8 @@ def link_table(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> 
 
 
 def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None:
-    """The lane that continues this one in the next section of the road, whichever of the two declares it."""
+    """The lane that continues this one in the next section of the road, whichever of the two
+    declares it."""
     linked = lane.successor if towards_s else lane.predecessor
     if linked in following.lanes:
         return linked
@@ -122,7 +125,8 @@ class _End(NamedTuple):
         return {lane.id: lane.predecessors if self.at_start else lane.successors for lane in lanes}
 
     def reached(self, links: Iterable[LaneRef]) -> list[int]:
-        """The lanes that links name. Where these are of the other layer only, the lanes at their place."""
+        """The lanes that links name. Where these are of the other layer only, the lanes at their
+        place."""
         links = list(links)
         found = [link.id for link in links if has(self.section, link)]
         return found or [lane for link in links if (lane := self._beside(link))]
@@ -184,7 +188,8 @@ def _nearer_start(road: Road, other: Road, other_at_start: bool) -> bool:
 
 
 SideTable = dict[tuple[str, int, bool, float], list[LaneLink]]
-"""Lanes reached from (road id, lane id, moving towards +s, s) where a road is left, or another one entered, between its ends."""
+"""Lanes reached from (road id, lane id, moving towards +s, s) where a road is left, or another one
+entered, between its ends."""
 
 
 class _Side(NamedTuple):
@@ -216,7 +221,8 @@ def divided(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> dict[st
 
 
 def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> SideTable:
-    """All ways off and onto roads between their ends, in both directions, as the traffic of the linked lanes goes."""
+    """All ways off and onto roads between their ends, in both directions, as the traffic of the
+    linked lanes goes."""
     table: SideTable = {}
     for road, at_start, main, near, lanes, walked in _sides(roads, junctions):
         s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
@@ -240,7 +246,8 @@ def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Side
 
 
 def _sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Iterator[_Side]:
-    """Ends of roads that touch others between their ends: at virtual junctions, and those of cross paths."""
+    """Ends of roads that touch others between their ends: at virtual junctions, and those of cross
+    paths."""
     junctions = list(junctions)
     connected = {
         (connection.connecting_road, connection.incoming_road): [

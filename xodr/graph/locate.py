@@ -4,7 +4,8 @@ Each road is cut into chords at load; a tree of boxes over them (a bulk-loaded R
 Shapely's on a town and twice as fast on one road: docs/performance.md) gives the few chords near a
 point, nearest first, and a projection onto the exact reference line gives s and t. A point's
 distance from a road is that from its surface, not
-from its reference line: on the road it is 0, and where roads overlap (junctions, bridges) height, heading and the
+from its reference line: on the road it is 0, and where roads overlap (junctions, bridges) height,
+heading and the
 distance from the lane's centre decide, in this order.
 """
 
@@ -30,7 +31,8 @@ OTHER_LEVEL = 2.0
 
 
 class _Chord(NamedTuple):
-    """A piece of road with the line from its beginning to its end; the road keeps within `room` [m] of it."""
+    """A piece of road with the line from its beginning to its end; the road keeps within `room` [m]
+    of it."""
 
     road: Road
     start: float
@@ -49,7 +51,8 @@ class _Chord(NamedTuple):
         return self.start + min(max(share, 0.0), 1.0) * (self.end - self.start)
 
     def continues(self, road: Road, s: float) -> bool:
-        """Whether an s of a road is so near along the road that this chord would lead to the same place."""
+        """Whether an s of a road is so near along the road that this chord would lead to the same
+        place."""
         return road is self.road and self.start - self.room <= s <= self.end + self.room
 
 
@@ -95,7 +98,8 @@ class Locator:
         self._root = _tree(leaves)
 
     def locate(self, x: float, y: float, z: float | None, h: float | None) -> RoadPoint:
-        """The nearest road point; z [m] and h (heading of a road user [rad]) decide between roads that overlap."""
+        """The nearest road point; z [m] and h (heading of a road user [rad]) decide between roads
+        that overlap."""
         gap = math.inf
         found: list[tuple[tuple[float, ...], RoadPoint]] = []
         feet: list[tuple[Road, float]] = []
@@ -126,7 +130,8 @@ def follow(road: Road, x: float, y: float, s: float) -> RoadPoint | None:
 
 
 def project(road: Road, x: float, y: float, s: float, low: float, high: float) -> _Hit:
-    """Foot of the perpendicular onto the reference line, by Newton's method from s, else by bisection between two s."""
+    """Foot of the perpendicular onto the reference line, by Newton's method from s, else by
+    bisection between two s."""
     for _ in range(12):
         ahead, aside = _local(road, x, y, s)
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
@@ -158,7 +163,8 @@ def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:
 
 
 def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
-    """Find the s at which "ahead" changes sign. Works at kinks too, where Newton's method oscillates."""
+    """Find the s at which "ahead" changes sign. Works at kinks too, where Newton's method
+    oscillates."""
     while high - low > CONVERGED:
         middle = 0.5 * (low + high)
         if middle in (low, high):
@@ -173,8 +179,8 @@ def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
 def _mismatch(
     road: Road, point: RoadPoint, z: float | None, h: float | None
 ) -> tuple[float, float, float]:
-    """Return the mismatch of a road point: level (m), heading against the lane (rad, coarse), distance (m) from the lane's
-    centre."""
+    """Return the mismatch of a road point: level (m), heading against the lane (rad, coarse),
+    distance (m) from the lane's centre."""
     height = abs(road.pose(point.s, point.t).z - z) if z is not None else 0.0
     angle = 0.0
     if h is not None:

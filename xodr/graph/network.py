@@ -31,7 +31,8 @@ from xodr.model.road import Road
 
 
 class RoadNetwork:
-    """Everything that one OpenDRIVE file describes, with the lanes in force: temporary ones where there are some.
+    """Everything that one OpenDRIVE file describes, with the lanes in force: temporary ones where
+    there are some.
 
     Road points keep to a layer of lanes. `on` and the arguments `layer` choose another than the one
     in force.
@@ -98,7 +99,8 @@ class RoadNetwork:
         )
 
     def on(self, layer: str) -> RoadNetwork:
-        """The network for road users that keep to a layer of lanes: itself, or without temporary lanes for PERMANENT."""
+        """The network for road users that keep to a layer of lanes: itself, or without temporary
+        lanes for PERMANENT."""
         return self if layer != PERMANENT else self._on_permanent
 
     @cached_property
@@ -166,7 +168,8 @@ class RoadNetwork:
         hint: RoadPoint | None = None,
         layer: str | None = None,
     ) -> RoadPoint:
-        """The road point nearest to a world position [m]; off the road its t lies outside the road's edges.
+        """The road point nearest to a world position [m]; off the road its t lies outside the
+        road's edges.
 
         Args:
             z, h: height [m] and heading [rad] of the road user, to decide between overlapping
@@ -190,7 +193,8 @@ class RoadNetwork:
         return point if point.layer == layer else point._replace(layer=layer)
 
     def on_road(self, point: RoadPoint) -> bool:
-        """Whether the point lies on a lane of the road, of whatever layer; lanes of type "none" are not part of it."""
+        """Whether the point lies on a lane of the road, of whatever layer; lanes of type "none" are
+        not part of it."""
         road = self.roads[point.road_id]
         if not 0.0 <= point.s <= road.length:
             return False
@@ -205,7 +209,8 @@ class RoadNetwork:
     # ways -----------------------------------------------------------------------------------
 
     def links(self, road_id: str, lane_id: int, forward: bool) -> list[LaneLink]:
-        """Every lane reached at the end (forward) or start of a road from one of its lanes there, but for those inside roads.
+        """Every lane reached at the end (forward) or start of a road from one of its lanes there,
+        but for those inside roads.
 
         Lanes are those in force; `on` has those of a layer.
         """
@@ -214,7 +219,8 @@ class RoadNetwork:
     def travel(
         self, point: RoadPoint, distance: float, forward: bool, choose: Choose | None = None
     ) -> Travel:
-        """Move along the lane, over section and road borders and through junctions, keeping the lane offset.
+        """Move along the lane, over section and road borders and through junctions, keeping the
+        lane offset.
 
         Args:
             distance: way of the point itself [m], as an odometer counts it; negative moves the
@@ -262,7 +268,8 @@ class RoadNetwork:
     def relative(
         self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest"
     ) -> Relative | None:
-        """Return the position of a point relative to another in road coordinates; None if no way connects them.
+        """Return the position of a point relative to another in road coordinates; None if no way
+        connects them.
 
         Args:
             strategy: "shortest", "fastest" or "leastIntersections", as in the standard's
@@ -275,7 +282,8 @@ class RoadNetwork:
     def relative_in_lane(
         self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest"
     ) -> Relative | None:
-        """Like `relative`, in lane coordinates: along the centre of the origin's lane, which goes on by lane links.
+        """Like `relative`, in lane coordinates: along the centre of the origin's lane, which goes
+        on by lane links.
 
         ds is then a length on that lane, dt the difference of the distances from its centre, and
         lanes counts from it.

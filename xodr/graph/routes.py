@@ -1,4 +1,5 @@
-"""Routes by the standard's strategies (shortest, fastest, leastIntersections, random), and relative positions along the roads."""
+"""Routes by the standard's strategies (shortest, fastest, leastIntersections, random), and relative
+positions along the roads."""
 
 from __future__ import annotations
 
@@ -44,14 +45,16 @@ class RoadPath:
         return self.legs[max(bisect_right(self._befores, distance) - 1, 0)]
 
     def at(self, distance: float) -> tuple[str, float, bool]:
-        """Road id, s and direction of travel at a distance [m] from the route's beginning, kept within the route."""
+        """Road id, s and direction of travel at a distance [m] from the route's beginning, kept
+        within the route."""
         distance = min(max(distance, 0.0), self.length)
         leg = self.leg_at(distance)
         gone = distance - leg.before
         return leg.road_id, leg.enter + (gone if leg.forward else -gone), leg.forward
 
     def position(self, point: RoadPoint, near: float = 0.0) -> float | None:
-        """Distance [m] of a road point from the route's beginning, None where its road is not part of the route.
+        """Distance [m] of a road point from the route's beginning, None where its road is not part
+        of the route.
 
         On the first and last road the point may lie before the beginning (negative) or beyond the
         end.
@@ -67,7 +70,8 @@ class RoadPath:
         return nearest
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
-        """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""
+        """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where
+        the route does not help."""
         for index, leg in enumerate(self.legs[:-1]):
             if (leg.road_id, leg.forward) == (point.road_id, forward) and not leg.passes(
                 point, links
@@ -78,7 +82,8 @@ class RoadPath:
         return self._otherwise(point, forward, links)
 
     def onward(self, index: int, links: Sequence[LaneLink]) -> LaneLink | None:
-        """The lane that leads onto a leg, of several the one from which the lanes to come need the fewest changes; None without one."""
+        """The lane that leads onto a leg, of several the one from which the lanes to come need the
+        fewest changes; None without one."""
         following, lanes = self.legs[index], self.lanes
         onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
         if lanes is not None:
@@ -108,7 +113,8 @@ class Router:
     def route(
         self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None
     ) -> RoadPath | None:
-        """A route through the waypoints, strategies[i] leading from waypoint i to i + 1; None where no way leads there.
+        """A route through the waypoints, strategies[i] leading from waypoint i to i + 1; None where
+        no way leads there.
 
         Ways of traffic are taken where they suffice, else any way, also against the traffic
         (pedestrians).
@@ -143,7 +149,8 @@ class Router:
         lane: int,
         plan: LanePlan,
     ) -> LanePlan:
-        """Take the connecting roads that need the fewest lane changes, between the same roads; changes `stretches`."""
+        """Take the connecting roads that need the fewest lane changes, between the same roads;
+        changes `stretches`."""
         for index in reversed(range(1, len(stretches) - 1)):
             kept = stretches[index]
             for other in self._parallel(*stretches[index - 1 : index + 2]):
@@ -178,7 +185,8 @@ class Router:
         rng: Random | None,
         driven: bool,
     ) -> tuple[list[Stretch], list[Checkpoint]] | None:
-        """The ways of a route with the s where each is entered and left, and its waypoints; None where no way leads there."""
+        """The ways of a route with the s where each is entered and left, and its waypoints; None
+        where no way leads there."""
         stretches: list[Stretch] = []
         checkpoints: list[Checkpoint] = []
         for (origin, target), strategy in zip(pairwise(waypoints), strategies, strict=True):
@@ -210,11 +218,13 @@ class Router:
     def _search(
         self, origin: RoadPoint, target: RoadPoint, heading: bool | None, price: Price, driven: bool
     ) -> list[tuple[Way, float, float]] | None:
-        """Dijkstra's algorithm from one point to another: ways with the s at which each is entered and left."""
+        """Dijkstra's algorithm from one point to another: ways with the s at which each is entered
+        and left."""
         roads = self._ways.roads
         directions = self._directions(origin, driven) if heading is None else (heading,)
         arrivals = self._directions(target, driven)
-        # trail: each entry is (step onto a way, index of the entry before); an index beyond it marks a finished route
+        # trail: each entry is (step onto a way, index of the entry before); an index beyond it
+        # marks a finished route
         trail = [
             (Step(origin.s, Way(origin.road_id, forward), origin.s), -1) for forward in directions
         ]
@@ -253,7 +263,8 @@ class Router:
         return stretches[::-1]
 
     def _directions(self, point: RoadPoint, driven: bool) -> tuple[bool, ...]:
-        """Directions of travel that a point's lane allows; both where it is the centre lane or traffic does not count."""
+        """Directions of travel that a point's lane allows; both where it is the centre lane or
+        traffic does not count."""
         road = self._ways.roads[point.road_id]
         if (
             not driven
@@ -270,7 +281,8 @@ def _ahead(way: Way, s: float, other: float) -> float:
 
 
 def _random_price(rng: Random) -> Price:
-    """A price that makes some way or other the cheapest: every road's length counts by a factor of its own."""
+    """A price that makes some way or other the cheapest: every road's length counts by a factor of
+    its own."""
     factors: dict[str, float] = {}
 
     def price(road: Road, length: float) -> Cost:
@@ -319,7 +331,8 @@ class RoadRelations:
         self._ways, self._traveller = ways, traveller
 
     def in_road(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> Relative | None:
-        """Position of a target in the road coordinates of an origin; None where no way leads from one to the other."""
+        """Position of a target in the road coordinates of an origin; None where no way leads from
+        one to the other."""
         same = origin.road_id == target.road_id
         found = (self._around if same else self._connection)(origin, target, strategy)
         if found is None and same:
@@ -331,7 +344,8 @@ class RoadRelations:
         return _relative(ds, origin.t, lane_id, target, target.t, found.aligned)
 
     def in_lane(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> Relative | None:
-        """Position of a target in the lane coordinates of an origin: along the origin's lane, which goes on by lane links."""
+        """Position of a target in the lane coordinates of an origin: along the origin's lane, which
+        goes on by lane links."""
         road = self._ways.roads[origin.road_id]
         lane_id, sign, length, start, aligned = (
             origin.lane_id,
@@ -363,7 +377,8 @@ class RoadRelations:
     def _connection(
         self, origin: RoadPoint, target: RoadPoint, strategy: str
     ) -> _Connection | None:
-        """The cheapest connection of two points on different roads, whatever end of their roads it uses."""
+        """The cheapest connection of two points on different roads, whatever end of their roads it
+        uses."""
         start, end = self._ways.roads[origin.road_id], self._ways.roads[target.road_id]
         price = PRICES[strategy]
         best: _Connection | None = None
@@ -381,7 +396,8 @@ class RoadRelations:
         return best
 
     def _around(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> _Connection | None:
-        """The connection of two points on one road over its ends and back to it; None where the road itself is shorter."""
+        """The connection of two points on one road over its ends and back to it; None where the
+        road itself is shorter."""
         road, apart = self._ways.roads[origin.road_id], target.s - origin.s
         if 2.0 * abs(apart) <= road.length or not (road.successor and road.predecessor):
             return None
@@ -414,7 +430,8 @@ def _rank(lane_id: int) -> int:
 def _relative(
     ds: float, origin_t: float, lane_id: int, target: RoadPoint, target_t: float, aligned: bool
 ) -> Relative:
-    """From the target road's frame to the origin's; `lane_id` is the origin's lane as it goes on there."""
+    """From the target road's frame to the origin's; `lane_id` is the origin's lane as it goes on
+    there."""
     sign = 1 if aligned else -1
     return Relative(
         ds, sign * target_t - origin_t, sign * lanes_between(lane_id, target.lane_id), aligned

@@ -1,4 +1,5 @@
-"""Moving along lanes: over lane sections, road borders and through junctions, keeping the offset from the lane's centre."""
+"""Moving along lanes: over lane sections, road borders and through junctions, keeping the offset
+from the lane's centre."""
 
 from __future__ import annotations
 
@@ -12,19 +13,22 @@ from xodr.model import NO_WIDTH, Lane, LaneLink, LaneSection, RoadError, RoadPoi
 from xodr.model.road import Road
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
-"""Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there.
+"""Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them,
+None to stay there.
 
 Between the ends of a road, where others leave it, the first lane offered is that of the road
 itself.
 """
 
 _STEP = 1.0
-"""Longest stretch [m] over which curvature and lane slope are taken as constant, at their value in its middle."""
+"""Longest stretch [m] over which curvature and lane slope are taken as constant, at their value in
+its middle."""
 _MOST_STEPS = 1000
 _MOST_BORDERS = 10_000
 _NARROWED = 0.1
 _SHARPEST = 1e-3
-"""Lower limit of d(way)/ds beyond the centre of a curve, where the reference line cannot be followed any more."""
+"""Lower limit of d(way)/ds beyond the centre of a curve, where the reference line cannot be
+followed any more."""
 
 
 class Travel(NamedTuple):
@@ -110,7 +114,8 @@ class Traveller:
     def _next_road(
         self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose
     ) -> tuple[LaneLink, float] | None:
-        """The way on from a road's end, and the offset [m] there, before the turn of a road laid the other way round.
+        """The way on from a road's end, and the offset [m] there, before the turn of a road laid
+        the other way round.
 
         A lane without a successor, such as one narrowed to nothing, continues in the nearest lane
         of its side that has one.
@@ -132,7 +137,8 @@ class Traveller:
     def _way_off(
         self, here: RoadPoint, forward: bool, choose: Choose
     ) -> tuple[LaneLink, float] | None:
-        """The way off a road between its ends, if one is there and chosen, and the offset [m] on it."""
+        """The way off a road between its ends, if one is there and chosen, and the offset [m] on
+        it."""
         links = self._sides.get((here.road_id, here.lane_id, forward, here.s))
         if not links:
             return None
@@ -147,7 +153,8 @@ class Traveller:
         return [*ends, *sides] if sides else ends
 
     def length(self, road: Road, lane_id: int, start: float, end: float) -> tuple[float, int]:
-        """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the end."""
+        """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the
+        end."""
         forward = end >= start
         total, index, last = 0.0, road.section_index(start), road.section_index(end)
         while True:
@@ -164,12 +171,13 @@ class Traveller:
     def straightest(
         self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]
     ) -> LaneLink | None:
-        """The link that turns least; of equal turns the left one, and of several to one side the first."""
+        """The link that turns least; of equal turns the left one, and of several to one side the
+        first."""
         return min(links, key=self.turn) if links else None
 
     def turn(self, link: LaneLink) -> tuple[float, bool]:
-        """Return the change of heading (rad, ≥ 0) on the road that a link enters (first 50 m, or all in a junction), and if
-        right.
+        """Return the change of heading (rad, ≥ 0) on the road that a link enters (first 50 m, or
+        all in a junction), and if right.
 
         Zero where it enters a road in between: traffic on that road passes by.
         """
@@ -196,7 +204,8 @@ def _entry(road: Road, link: LaneLink) -> tuple[int, float]:
 def _along(
     road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float
 ) -> tuple[float, float]:
-    """Go on from s towards the section's border: the s reached, and the distance left where the border stops it.
+    """Go on from s towards the section's border: the s reached, and the distance left where the
+    border stops it.
 
     The way of a point at t is |1 − κt| ds long where the road curves, and longer where the lane
     drifts sideways (dt/ds). A point that is beyond the border already (it left the road) stays
@@ -261,14 +270,16 @@ def _next_section(
 
 
 def _nearer(border: float, closing: float, s: float, forward: bool) -> float:
-    """Return the s of the next stop of a movement on a lane: the section's border, or the place where the lane closes."""
+    """Return the s of the next stop of a movement on a lane: the section's border, or the place
+    where the lane closes."""
     return closing if (s < closing < border if forward else border < closing < s) else border
 
 
 def _merged(
     section: LaneSection, lane: Lane, s: float, offset: float, forward: bool
 ) -> tuple[int, float] | None:
-    """The lane, and the offset [m] on it, that goes on where a lane has narrowed to nothing; None where no other is there."""
+    """The lane, and the offset [m] on it, that goes on where a lane has narrowed to nothing; None
+    where no other is there."""
     t = lane.center(s) + offset
     open_lanes = [
         other
@@ -280,7 +291,8 @@ def _merged(
 
 
 def _nearest(lane: Lane, others: Iterable[Lane], s: float, t: float) -> int:
-    """Return the lane that continues at (s, t) after a lane has ended; the ended lane itself if there is none.
+    """Return the lane that continues at (s, t) after a lane has ended; the ended lane itself if
+    there is none.
 
     It is on the same side of the road, for traffic where the lane is, then the nearest, then the
     innermost.

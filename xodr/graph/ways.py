@@ -1,4 +1,5 @@
-"""The graph of a road network: which roads follow each other in which direction, and how far one is from another.
+"""The graph of a road network: which roads follow each other in which direction, and how far one is
+from another.
 
 A way is a road in one direction of travel. One way follows another where any lane leads over;
 changing lanes on a road is free. There are two graphs: of the ways that traffic drives, and of all
@@ -47,7 +48,8 @@ DRIVABLE = frozenset(
         "parking",
     }
 )
-"""Lane types on which vehicles travel (OpenDRIVE 1.8, annex D.1, without borders, with parking and the types of 1.4)."""
+"""Lane types on which vehicles travel (OpenDRIVE 1.8, annex D.1, without borders, with parking and
+the types of 1.4)."""
 
 USUAL_SPEED = 50.0 / 3.6
 """Speed [m/s] taken for roads without a limit where the fastest route is wanted."""
@@ -61,7 +63,8 @@ class Way(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Transition between ways: s at which the first is left and s at which the next is entered, usually at the ends of roads."""
+    """Transition between ways: s at which the first is left and s at which the next is entered,
+    usually at the ends of roads."""
 
     leave: float
     following: Way
@@ -76,7 +79,8 @@ Price = Callable[[Road, float], Cost]
 
 
 class Reached(NamedTuple):
-    """Way that can be reached: cost and length (m) up to its start, and its predecessor (None: the first way)."""
+    """Way that can be reached: cost and length (m) up to its start, and its predecessor (None: the
+    first way)."""
 
     cost: Cost
     length: float
@@ -108,7 +112,8 @@ class Ways:
             _add(self._steps[True], way, step, lane_id)
 
     def steps(self, way: Way, driven: bool) -> dict[Step, tuple[int, ...]]:
-        """The ways that follow, each with the lanes that lead there; with `driven` only where traffic drives so."""
+        """The ways that follow, each with the lanes that lead there; with `driven` only where
+        traffic drives so."""
         return self._steps[driven].get(way, {})
 
     def following(self, way: Way) -> dict[Way, tuple[int, ...]]:
@@ -122,7 +127,8 @@ class Ways:
         }
 
     def reach(self, way: Way, strategy: str) -> dict[Way, Reached]:
-        """Every way that can be reached from the end of a way, with cost and length from there to its beginning.
+        """Every way that can be reached from the end of a way, with cost and length from there to
+        its beginning.
 
         Roads are left and entered at their ends only.
         """
@@ -169,7 +175,8 @@ class Ways:
         return self.steps(way, True).get(step) or self.steps(way, False).get(step, ())
 
     def lane_after(self, way: Way, lane_id: int, following: Way) -> int:
-        """The lane on the following way that a lane leads to; where it leads elsewhere, that of the nearest lane that does."""
+        """The lane on the following way that a lane leads to; where it leads elsewhere, that of the
+        nearest lane that does."""
         lanes = self.following(way)[following]
         leading = min(lanes, key=lambda lane: abs(lane - lane_id))
         links = self._links[way.road_id, leading, way.forward]

@@ -1,4 +1,5 @@
-"""Reference lines, profiles and lanes evaluated at many places at once, and roads sampled as arrays, in numpy.
+"""Reference lines, profiles and lanes evaluated at many places at once, and roads sampled as
+arrays, in numpy.
 
 Reference lines become cubics between knots so close together that they are exact to a
 micrometre."""
@@ -18,7 +19,8 @@ from xodr.model.geometry import Profile
 from xodr.model.road import Road
 
 _FINE = 0.02
-"""Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
+"""Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius
+by less than 1e-6 m."""
 _COARSE = 0.3
 """Most that it changes along a chord, rad, but for one piece between knots."""
 _LARGEST_TURN = 0.5 * math.pi
@@ -31,7 +33,8 @@ _TINY = 1e-18
 
 
 class Local(NamedTuple):
-    """Positions in the frame of a reference line at given s: ahead and to the left (m), and the line's curvature (1/m)."""
+    """Positions in the frame of a reference line at given s: ahead and to the left (m), and the
+    line's curvature (1/m)."""
 
     ahead: FloatArray
     aside: FloatArray
@@ -39,7 +42,8 @@ class Local(NamedTuple):
 
 
 class OnChord(NamedTuple):
-    """Places on chords: s, the s of both ends of the chord, and the distance from the position that each is nearest to, m."""
+    """Places on chords: s, the s of both ends of the chord, and the distance from the position that
+    each is nearest to, m."""
 
     s: FloatArray
     low: FloatArray
@@ -157,7 +161,8 @@ def _inside(end: float) -> float:
 
 
 def _turned(pieces: FloatArray) -> FloatArray:
-    """By how much the heading has changed up to the end of each piece (x, y, heading of its ends), whichever way, rad."""
+    """By how much the heading has changed up to the end of each piece (x, y, heading of its ends),
+    whichever way, rad."""
     begins, ends = pieces[:, 2], pieces[:, 5]
     return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
 
@@ -289,7 +294,8 @@ def sample(road: Road, s: ArrayLike, t: ArrayLike = 0.0) -> Points:
 
 
 def stations(road: Road, longest: float = 5.0) -> FloatArray:
-    """s [m] from 0 to the road's length: denser where the line bends, never further apart than `longest`."""
+    """s [m] from 0 to the road's length: denser where the line bends, never further apart than
+    `longest`."""
     knots = {0.0, road.length, *(section.s for section in road.sections), *road.line.knots()}
     inside = sorted(s for s in knots if 0.0 <= s <= road.length)
     pieces = [
@@ -306,7 +312,8 @@ _FINEST = 0.05
 def section_stations(
     road: Road, section: LaneSection, error: float, longest: float = 5.0
 ) -> FloatArray:
-    """s (m) of a lane section, ends included, between which straight lines miss no lane border by more than `error` (m)."""
+    """s (m) of a lane section, ends included, between which straight lines miss no lane border by
+    more than `error` (m)."""
     inside = [s for s in stations(road, longest).tolist() if section.s < s < section.end]
     borders = [
         section.lanes[0].center,

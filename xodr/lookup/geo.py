@@ -36,7 +36,8 @@ _READS_FILES = re.compile(
 
 
 def without_files(projection: str, path: Path) -> str:
-    """A projection that lets PROJ read no file that it names: grids and definitions may be any file.
+    """A projection that lets PROJ read no file that it names: grids and definitions may be any
+    file.
 
     Grids of heights are left out, since heights are taken as they are; `init=epsg:N` is the code
     EPSG:N.
@@ -94,7 +95,8 @@ class GeoReference:
         self._cos, self._sin = math.cos(heading), math.sin(heading)
 
     def to_world(self, place: Geodetic) -> tuple[float, float, float]:
-        """World coordinates x, y, z [m] of a place; not finite where the projection does not reach it."""
+        """World coordinates x, y, z [m] of a place; not finite where the projection does not reach
+        it."""
         easting, northing = self._transformer.transform(place.longitude, place.latitude)
         dx, dy = easting - self._x, northing - self._y
         return (
@@ -104,7 +106,8 @@ class GeoReference:
         )
 
     def to_geodetic(self, x: float, y: float, z: float = 0.0) -> Geodetic:
-        """Place on Earth of world coordinates (m); not finite where the projection does not reach it."""
+        """Place on Earth of world coordinates (m); not finite where the projection does not reach
+        it."""
         easting = self._x + self._cos * x - self._sin * y
         northing = self._y + self._sin * x + self._cos * y
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")

@@ -1,4 +1,5 @@
-"""OpenDRIVE roads as lanelets: each lane of each lane section with its bounds, in the direction of its traffic.
+"""OpenDRIVE roads as lanelets: each lane of each lane section with its bounds, in the direction of
+its traffic.
 
 This module owns the sides: left and right of a lanelet are those of its traffic, whatever the
 lane's sign and whether the traffic keeps to the right or the left.
@@ -72,7 +73,8 @@ class ExportedLanelet:
 
 @lru_cache(maxsize=8)
 def lanelets(network: RoadNetwork) -> dict[Key, ExportedLanelet]:
-    """All lanes with a width and a use, and how they are joined; shared by the runs on a network, so not to be changed."""
+    """All lanes with a width and a use, and how they are joined; shared by the runs on a network,
+    so not to be changed."""
     found = {
         lanelet.key: lanelet
         for road in network.roads.values()
@@ -115,7 +117,8 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Expor
 
 
 def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:
-    """The inner and the outer border of a lane at its own height: on a kerb the border of the lane below is another one."""
+    """The inner and the outer border of a lane at its own height: on a kerb the border of the lane
+    below is another one."""
     aside = [(lane.inner(s), lane.outer(s)) for s in along.tolist()]
     if lane.heights:
         towards = _INSIDE if lane.id > 0 else -_INSIDE

@@ -1,4 +1,5 @@
-"""From the world to the road for many positions at once: what `RoadNetwork.locate` does for one, in numpy.
+"""From the world to the road for many positions at once: what `RoadNetwork.locate` does for one, in
+numpy.
 
 Each part of a road is tried for the positions within its bounds. As in `xodr.graph.locate`, the
 nearest surface counts, and where surfaces overlap height, heading and the distance from the lane's
@@ -25,7 +26,8 @@ from xodr.model.road import Road
 
 _MOST_STEPS, _MOST_HALVINGS = 12, 60
 _FIRST_REACH, _WIDER = 5.0, 8.0
-"""Roads of positions that are on none are looked for within this distance (m) first, then within so many times as much."""
+"""Roads of positions that are on none are looked for within this distance (m) first, then within so
+many times as much."""
 
 
 class Places(NamedTuple):
@@ -73,7 +75,8 @@ def place(
 
 
 class LanesUnder(NamedTuple):
-    """Lanes of one road under some of n positions: which positions, the lane of each, its s, t and offset from the centre (m)."""
+    """Lanes of one road under some of n positions: which positions, the lane of each, its s, t and
+    offset from the centre (m)."""
 
     road: Road
     rows: IntArray
@@ -86,7 +89,8 @@ class LanesUnder(NamedTuple):
 def lanes_under(
     network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None
 ) -> Iterator[LanesUnder]:
-    """Every lane under each position: where roads overlap, as in junctions, a position is on several.
+    """Every lane under each position: where roads overlap, as in junctions, a position is on
+    several.
 
     Args:
         x, y: positions (n,), m.
@@ -167,7 +171,8 @@ class _Best:
 def _project(
     part: RoadPart, x: FloatArray, y: FloatArray, start: OnChord
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """s and t of the feet of perpendiculars onto a part, and the distance of each position from its surface: 0 on it."""
+    """s and t of the feet of perpendiculars onto a part, and the distance of each position from its
+    surface: 0 on it."""
     road, s = part.road, start.s.copy()
     moving = np.arange(len(x))
     for _ in range(_MOST_STEPS):
@@ -220,7 +225,8 @@ def _beside(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
-    """Lane of each place, offset from its centre, whether its traffic drives towards -s; beyond the road's ends those there."""
+    """Lane of each place, offset from its centre, whether its traffic drives towards -s; beyond the
+    road's ends those there."""
     inside = np.clip(s, 0.0, road.length)
     lane_id, offset, against = np.zeros(len(s), np.int64), np.zeros(len(s)), np.zeros(len(s), bool)
     section_of = arrays.sections(road, inside)

@@ -1,4 +1,5 @@
-"""Signals of the roads: where they stand, what they mean, which lamps they have, on which lanes they hold."""
+"""Signals of the roads: where they stand, what they mean, which lamps they have, on which lanes
+they hold."""
 
 from __future__ import annotations
 

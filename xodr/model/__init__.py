@@ -1,4 +1,5 @@
-"""Contents of an OpenDRIVE file as plain data: lanes, links, junctions, signals, objects, and positions on roads.
+"""Contents of an OpenDRIVE file as plain data: lanes, links, junctions, signals, objects, and
+positions on roads.
 
 A road has permanent lanes all along, and may have temporary ones in places (OpenDRIVE 1.9).
 Temporary lanes take precedence for driving. A side of the road without temporary lanes keeps its
@@ -33,9 +34,9 @@ NO_WIDTH = 1e-6
 """Lanes narrower than this [m] are not there: nothing can be on them."""
 
 PERMANENT, TEMPORARY = "permanent", "temporary"
-"""Layers of lanes (OpenDRIVE 1.9). Asked for as a layer, TEMPORARY means: temporary lanes where there are some, which take
-precedence for driving, and permanent ones elsewhere. PERMANENT means the permanent ones
-everywhere."""
+"""Layers of lanes (OpenDRIVE 1.9). Asked for as a layer, TEMPORARY means: temporary lanes where
+there are some, which take precedence for driving, and permanent ones elsewhere. PERMANENT means the
+permanent ones everywhere."""
 
 
 class RoadError(InvalidFile):
@@ -81,7 +82,8 @@ class LaneRef(NamedTuple):
 
 
 class LaneLink(NamedTuple):
-    """A lane that can be entered: at the start (s = 0) or the end of its road, or between them at a virtual junction.
+    """A lane that can be entered: at the start (s = 0) or the end of its road, or between them at a
+    virtual junction.
 
     at_start: at the start, or inside towards +s. s: place inside the road; None at its start or
     end.
@@ -94,11 +96,13 @@ class LaneLink(NamedTuple):
 
 
 class RoadMark(NamedTuple):
-    """The marking on a lane's outer border (of lane 0: on the centre line) from s on, up to the next one.
+    """The marking on a lane's outer border (of lane 0: on the centre line) from s on, up to the
+    next one.
 
     type: as in the file: "none", "solid", "broken", "solid broken" (inside, outside), "curb", …
     color: "standard" is white. width [m]: None where the file does not say.
-    lane_change: directions of lane ids in which changes are allowed: "increase", "decrease", "both" or
+    lane_change: directions of lane ids in which changes are allowed: "increase", "decrease", "both"
+    or
     "none"; empty where the file does not say.
     """
 
@@ -110,7 +114,8 @@ class RoadMark(NamedTuple):
 
 
 class LaneAccess(NamedTuple):
-    """Road users that are allowed on a lane, to the exclusion of others, or denied, from s on; none at all: no restriction."""
+    """Road users that are allowed on a lane, to the exclusion of others, or denied, from s on; none
+    at all: no restriction."""
 
     s: float
     allowed: bool
@@ -152,7 +157,8 @@ class Lane:
     heights: tuple[tuple[float, float, float], ...] = ()
 
     def height(self, s: float, t: float) -> float:
-        """Height [m] of the lane above the road's surface at (s, t), for t on the lane (OpenDRIVE 11.7.3).
+        """Height [m] of the lane above the road's surface at (s, t), for t on the lane (OpenDRIVE
+        11.7.3).
 
         The standard does not say how the height changes between two records; it is interpolated
         linearly in s and in t.
@@ -243,7 +249,8 @@ class Connection(NamedTuple):
 
 
 class CrossPathEnd(NamedTuple):
-    """Place at which a cross path meets a lane: that lane at s of its road, and the lane of the cross path's own road."""
+    """Place at which a cross path meets a lane: that lane at s of its road, and the lane of the
+    cross path's own road."""
 
     road_id: str
     s: float
@@ -252,7 +259,8 @@ class CrossPathEnd(NamedTuple):
 
 
 class CrossPath(NamedTuple):
-    """A way for pedestrians or cyclists across a junction: a road of its own between lanes of others (OpenDRIVE 1.8)."""
+    """A way for pedestrians or cyclists across a junction: a road of its own between lanes of
+    others (OpenDRIVE 1.8)."""
 
     id: str
     road_id: str
@@ -261,7 +269,8 @@ class CrossPath(NamedTuple):
 
 
 class BoundarySegment(NamedTuple):
-    """A stretch of a junction's boundary: along the outer border of a lane, or across a road (a joint).
+    """A stretch of a junction's boundary: along the outer border of a lane, or across a road (a
+    joint).
 
     start, end: s along a lane; at a joint both are its s. lanes: the lane, or those that a joint
     begins and ends with, None for all lanes.
@@ -340,7 +349,8 @@ class SignalReference(NamedTuple):
 
 
 class OutlineCorner(NamedTuple):
-    """An outline's corner: (u, v, z) in the object's frame, or (s, t, dz) on the road where `on_road`."""
+    """An outline's corner: (u, v, z) in the object's frame, or (s, t, dz) on the road where
+    `on_road`."""
 
     u: float
     v: float
@@ -400,7 +410,8 @@ class RoadType(NamedTuple):
 
 
 class Header(NamedTuple):
-    """Header of the file: version, name, PROJ string, and the offset that was applied to inertial coordinates.
+    """Header of the file: version, name, PROJ string, and the offset that was applied to inertial
+    coordinates.
 
     offset: (x, y, z, heading) as in the `offset` element of OpenDRIVE 1.5 and later.
     """
@@ -419,7 +430,8 @@ NEAR = 1e-3
 
 
 class TemporaryStretch(NamedTuple):
-    """A section of the temporary layer, and the s up to which its lanes hold on the left and on the right side of the road."""
+    """A section of the temporary layer, and the s up to which its lanes hold on the left and on the
+    right side of the road."""
 
     section: LaneSection
     left_end: float
@@ -436,7 +448,8 @@ class _Piece(NamedTuple):
 def in_force(
     permanent: Sequence[LaneSection], temporary: Sequence[TemporaryStretch]
 ) -> list[LaneSection]:
-    """The lane sections in force on a road: temporary lanes where there are some, with links to the lanes around them."""
+    """The lane sections in force on a road: temporary lanes where there are some, with links to the
+    lanes around them."""
     stretches = [
         TemporaryStretch(stretch.section, *(_snapped(permanent, end) for end in stretch[1:]))
         for stretch in temporary
@@ -552,7 +565,8 @@ def _linked(
     here: _Piece,
     there: _Piece,
 ) -> int | None:
-    """The lane of a neighbouring section that continues a lane: itself, where only the other side of the road changes.
+    """The lane of a neighbouring section that continues a lane: itself, where only the other side
+    of the road changes.
 
     back: the links of the neighbouring section's lanes, for links that only one of two lanes
     declares.

@@ -1,4 +1,5 @@
-"""Plan-view geometry of the road reference line (OpenDRIVE "Geometry"): line, arc, spiral, poly3, paramPoly3.
+"""Plan-view geometry of the road reference line (OpenDRIVE "Geometry"): line, arc, spiral, poly3,
+paramPoly3.
 
 Every element answers `at(ds) -> (x, y, h)` and `curvature(ds)` with ds the arc length from its own
 start [m], h the tangent's heading [rad, not wrapped] and curvature positive to the left [1/m].
@@ -24,7 +25,8 @@ from typing import NamedTuple, Protocol
 
 
 MAX_PIECES = 20_000
-"""Most pieces that one element may be cut into: a file with absurd curvature is refused instead of filling the memory."""
+"""Most pieces that one element may be cut into: a file with absurd curvature is refused instead of
+filling the memory."""
 
 # Five-point Gauss–Legendre quadrature on [0, 1] (Abramowitz & Stegun, table 25.4).
 _SIDES = ((0.9061798459386640, 0.2369268850561891), (0.5384693101056831, 0.4786286704993665))
@@ -50,7 +52,8 @@ class PlanElement(Protocol):
         """Curvature at arc length ds."""
 
     def knots(self) -> list[float]:
-        """Ascending arc lengths, ends included, between which the heading turns by at most about 0.3 rad."""
+        """Ascending arc lengths, ends included, between which the heading turns by at most about
+        0.3 rad."""
 
 
 class Start(NamedTuple):
@@ -96,7 +99,8 @@ class Arc:
     def at(self, ds: float) -> tuple[float, float, float]:
         """Position and heading (x, y, h) at arc length ds."""
         half = 0.5 * self.k * ds
-        # the chord: exact also where the curvature is so small that differences of sines would cancel
+        # the chord: exact also where the curvature is so small that differences of sines would
+        # cancel
         chord = ds * math.sin(half) / half if half else ds
         middle = self.h + half
         return self.x + chord * math.cos(middle), self.y + chord * math.sin(middle), middle + half
@@ -196,7 +200,8 @@ class ParamPoly3:
         a, b, c, d = self._xs
         e, f, g, i = self._ys
         h = math.atan2(f + p * (2.0 * g + 3.0 * p * i), b + p * (2.0 * c + 3.0 * p * d))
-        # nearest to the start's heading, so that headings do not jump by a full turn inside an element
+        # nearest to the start's heading, so that headings do not jump by a full turn inside an
+        # element
         h += math.tau * round((self._h - h) / math.tau)
         return a + p * (b + p * (c + p * d)), e + p * (f + p * (g + p * i)), h
 
@@ -214,7 +219,8 @@ class ParamPoly3:
         )
 
     def knots(self) -> list[float]:
-        """Evenly spaced; the number is that of the arc-length table, which is denser where the curve bends."""
+        """Evenly spaced; the number is that of the arc-length table, which is denser where the
+        curve bends."""
         count = _pieces(max(len(self._ss) - 1, self.length / 20.0))
         return [self.length * index / count for index in range(count + 1)]
 
@@ -229,7 +235,8 @@ class ParamPoly3:
         )
 
     def _tabulate(self, p_end: float) -> None:
-        """Cut [0, p_end] until the quadrature is exact and p is a cubic of the arc length between the knots."""
+        """Cut [0, p_end] until the quadrature is exact and p is a cubic of the arc length between
+        the knots."""
         self._ss, self._ps, self._slopes = [0.0], [0.0], [_inverse(self._speed(0.0))]
         todo = [p_end]
         while todo:
@@ -257,7 +264,8 @@ class ParamPoly3:
                 raise ValueError("the polynomials are too long or too wild to be followed")
 
     def parameter(self, s: float) -> float:
-        """Curve parameter p at the curve's true arc length s, by Hermite interpolation in the table."""
+        """Curve parameter p at the curve's true arc length s, by Hermite interpolation in the
+        table."""
         index = min(max(bisect_right(self._ss, s), 1), len(self._ss) - 1)
         start, end = self._ss[index - 1], self._ss[index]
         span = end - start
@@ -272,7 +280,8 @@ class ParamPoly3:
 
 
 def poly3(start: Start, v: Sequence[float]) -> ParamPoly3:
-    """The element poly3, a cubic v(u) in its own frame: the parametric cubic with u(p) = p that has the declared length."""
+    """The element poly3, a cubic v(u) in its own frame: the parametric cubic with u(p) = p that has
+    the declared length."""
     u = (0.0, 1.0, 0.0, 0.0)
     at_least = ParamPoly3(start, u, v, start.length)
     return ParamPoly3(start, u, v, at_least.parameter(start.length))
@@ -317,7 +326,8 @@ class ReferenceLine:
         return x - t * math.sin(h), y + t * math.cos(h), h
 
     def element(self, s: float) -> tuple[float, float, PlanElement]:
-        """The element at s (the nearest one outside the line), after the s of its start and of its end."""
+        """The element at s (the nearest one outside the line), after the s of its start and of its
+        end."""
         index = bisect_right(self.starts, s, 1) - 1 if self._last else 0
         return self.starts[index], self._ends[index], self.segments[index]
 
@@ -442,7 +452,8 @@ class Profile:
 
 
 def exceeding(profile: Profile, level: float, start: float, end: float) -> tuple[float, float]:
-    """The s between which a function exceeds a level within [start, end]; infinite where it does so up to that end.
+    """The s between which a function exceeds a level within [start, end]; infinite where it does so
+    up to that end.
 
     Where it does nowhere, both lie outside: (∞, -∞).
     """
@@ -466,7 +477,8 @@ def exceeding(profile: Profile, level: float, start: float, end: float) -> tuple
 
 
 def _fall(profile: Profile, level: float, above: float, below: float) -> float:
-    """The s at which a function falls to a level, between one where it exceeds it and one where it does not."""
+    """The s at which a function falls to a level, between one where it exceeds it and one where it
+    does not."""
     while abs(below - above) > _SAME_PLACE:
         middle = 0.5 * (above + below)
         above, below = (middle, below) if profile(middle) > level else (above, middle)

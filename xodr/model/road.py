@@ -36,7 +36,8 @@ _ON_BORDER = 1e-6
 
 @dataclass(slots=True)
 class Surface:
-    """Height above the reference line's plane, as a function of s and t (`shape` and, until 1.4, `crossfall`).
+    """Height above the reference line's plane, as a function of s and t (`shape` and, until 1.4,
+    `crossfall`).
 
     shape: (s, records in t) in ascending s, heights interpolated linearly in s between them.
     crossfall_left, crossfall_right: angles [rad], positive where the road falls outwards.
@@ -120,7 +121,8 @@ class Road:
         self._standard = all(lane.direction != "reversed" for lane in lanes)
 
     def on(self, layer: str) -> Road:
-        """The road for road users that keep to a layer of lanes: itself, or without its temporary lanes for PERMANENT."""
+        """The road for road users that keep to a layer of lanes: itself, or without its temporary
+        lanes for PERMANENT."""
         if layer != PERMANENT or self.permanent is None:
             return self
         if self._on_permanent is None:
@@ -149,7 +151,8 @@ class Road:
         return WorldPose(x, y, z, h, -math.atan(slope), roll)
 
     def lane_height(self, s: float, t: float) -> float:
-        """Height [m] of the lane at (s, t) above the road's surface, along its normal: 0.15 on a raised sidewalk.
+        """Height [m] of the lane at (s, t) above the road's surface, along its normal: 0.15 on a
+        raised sidewalk.
 
         Permanent lanes count: temporary ones have no height. Beyond the road it is 0.
         """
@@ -161,11 +164,13 @@ class Road:
         return lane.height(s, t) if low - _ON_BORDER <= t <= high + _ON_BORDER else 0.0
 
     def from_above(self, s: float, aside: float) -> tuple[float, float, float]:
-        """x, y and heading of the place `aside` [m] to the left of the reference line, measured horizontally."""
+        """x, y and heading of the place `aside` [m] to the left of the reference line, measured
+        horizontally."""
         return self.line.beside(s, aside)
 
     def t_of(self, s: float, aside: float) -> float:
-        """t of the place that lies `aside` [m] to the left of the reference line, measured horizontally."""
+        """t of the place that lies `aside` [m] to the left of the reference line, measured
+        horizontally."""
         if self.superelevation.constant == 0.0:
             return aside
         cos = math.cos(self.superelevation(s))
@@ -182,7 +187,8 @@ class Road:
         return self.line.curvature(s)
 
     def _tilted_part(self, s: float, t: float) -> float:
-        """The part of t that superelevation tilts: `level` lanes and all beyond them stay horizontal."""
+        """The part of t that superelevation tilts: `level` lanes and all beyond them stay
+        horizontal."""
         if not self._levels:
             return t
         section = self.on(PERMANENT).section(s)
@@ -228,7 +234,8 @@ class Road:
         return self.lane(s, lane_id).center(s)
 
     def lane_slope(self, s: float, lane_id: int) -> float:
-        """dt/ds of the lane's centre at s: how fast the lane leaves the direction of the reference line."""
+        """dt/ds of the lane's centre at s: how fast the lane leaves the direction of the reference
+        line."""
         return self.lane(s, lane_id).center.slope(s)
 
     def lane_width(self, s: float, lane_id: int) -> float:
@@ -240,7 +247,8 @@ class Road:
         return self.lane(s, lane_id).type
 
     def lane_at(self, s: float, t: float) -> int:
-        """The lane that (s, t) lies on; outside the road the nearest lane. Lanes without width are never meant.
+        """The lane that (s, t) lies on; outside the road the nearest lane. Lanes without width are
+        never meant.
 
         On a border the inner lane is meant, on the centre the right one. 0 only where the road has
         no lane at all.
@@ -248,7 +256,8 @@ class Road:
         return lane_in(self.section(s), s, t)
 
     def lane_beside(self, s: float, lane_id: int, steps: int) -> int | None:
-        """The lane `steps` lanes away, positive towards +t (left of the s direction), the centre lane not counted.
+        """The lane `steps` lanes away, positive towards +t (left of the s direction), the centre
+        lane not counted.
 
         None where the road has no such lane. RelativeTargetLane of OpenSCENARIO counts towards the
         reference entity's own left: negate steps where it faces −s.
@@ -264,7 +273,8 @@ class Road:
         return ids[index] if 0 <= index < len(ids) else None
 
     def point(self, s: float, t: float) -> RoadPoint:
-        """The road point at (s, t) with the lane that it lies on; before and beyond the road with the lane at its end."""
+        """The road point at (s, t) with the lane that it lies on; before and beyond the road with
+        the lane at its end."""
         inside = min(max(s, 0.0), self.length)
         lane_id = self.lane_at(inside, t)
         return RoadPoint(
@@ -272,11 +282,13 @@ class Road:
         )
 
     def lane_point(self, s: float, lane_id: int, offset: float = 0.0) -> RoadPoint:
-        """The road point at a lane's centre, `offset` [m] towards +t; the lane id is kept however large the offset."""
+        """The road point at a lane's centre, `offset` [m] towards +t; the lane id is kept however
+        large the offset."""
         return RoadPoint(self.id, s, self.lane(s, lane_id).center(s) + offset, lane_id, offset)
 
     def edges(self, s: float) -> tuple[float, float]:
-        """t of the right and left edge of the road's surface at s: of all lanes, of whatever type and layer."""
+        """t of the right and left edge of the road's surface at s: of all lanes, of whatever type
+        and layer."""
         section = self.section(s)
         lanes = section.lanes
         right = lanes[section.right[-1] if section.right else 0].outer(s)
@@ -305,7 +317,8 @@ class Road:
         return record.type if record else "unknown"
 
     def speed_limit(self, s: float, lane_id: int | None = None) -> float | None:
-        """Speed limit [m/s] of the lane, or of the road where the lane has none; None where there is no limit."""
+        """Speed limit [m/s] of the lane, or of the road where the lane has none; None where there
+        is no limit."""
         if lane_id is not None:
             speeds = [speed for start, speed in self.lane(s, lane_id).speeds if start <= s]
             if speeds:

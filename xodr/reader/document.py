@@ -1,4 +1,5 @@
-"""From an OpenDRIVE file to a `RoadNetwork`: header, roads, junctions, controllers, and what refers to what."""
+"""From an OpenDRIVE file to a `RoadNetwork`: header, roads, junctions, controllers, and what refers
+to what."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ _TOUCH = "asam.net:xodr:1.7.0:road.geometry.contact_point"
 _REACHES = "asam.net:xodr:1.8.0:junctions.cross_path.lane_linkage"
 
 _JUMP = 1.0
-"""Distance (m) between the ends of linked lanes from which a link is reported when a file is read."""
+"""Distance (m) between the ends of linked lanes from which a link is reported when a file is read.
+"""
 
 T = TypeVar("T")
 
@@ -100,7 +102,8 @@ def _repaired(root: etree._Element, path: Path) -> tuple[Remark, ...]:
 
 
 def _not_read(root: etree._Element, path: Path) -> Iterator[Remark]:
-    """A remark for each kind of place with elements that no version has there; inconclusive where they may decide shapes."""
+    """A remark for each kind of place with elements that no version has there; inconclusive where
+    they may decide shapes."""
     by_place: dict[str, list[Unknown]] = {}
     for element in unknown(root):
         by_place.setdefault(element.parent, []).append(element)
@@ -129,7 +132,8 @@ def _doubled_signals(root: etree._Element, path: Path) -> Iterator[Remark]:
 
 
 class LinkedEnds(NamedTuple):
-    """Two ends of roads that a link joins: the element that declares it, and of each road whether it is its start."""
+    """Two ends of roads that a link joins: the element that declares it, and of each road whether
+    it is its start."""
 
     element: etree._Element
     road: Road
@@ -156,7 +160,8 @@ def _end(road: Road, at_start: bool) -> float:
 
 
 def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedEnds]:
-    """Ends of roads that links between roads join: once for each link element that names a contact point."""
+    """Ends of roads that links between roads join: once for each link element that names a contact
+    point."""
     for element in root.iterfind("{*}road"):
         road = network.roads.get(element.get("id", ""))
         for at_start, name in ((True, "predecessor"), (False, "successor")):
@@ -174,7 +179,8 @@ def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedE
 
 
 def _broken_links(network: RoadNetwork, root: etree._Element) -> tuple[Remark, ...]:
-    """A remark where lanes are linked whose ends are apart, so that road users jump from one to the other."""
+    """A remark where lanes are linked whose ends are apart, so that road users jump from one to the
+    other."""
     broken = list[tuple[float, LinkedEnds]]()
     seen: set[tuple[str, bool, str, bool]] = set()
     for ends in linked_roads(network, root):
@@ -204,7 +210,8 @@ def _lanes_apart(network: RoadNetwork, ends: LinkedEnds) -> Iterator[float]:
 
 
 def cross_path_gaps(roads: Mapping[str, Road], path: CrossPath) -> tuple[float, float]:
-    """Distances (m) sideways of the start and the end of a cross path from the lanes that they are linked to; 0 within them."""
+    """Distances (m) sideways of the start and the end of a cross path from the lanes that they are
+    linked to; 0 within them."""
     road = roads[path.road_id]
     places = ((path.start, 0.0), (path.end, road.length))
     return tuple(_beside(roads[end.road_id], end, road, s) for end, s in places)  # type: ignore[return-value]
@@ -223,7 +230,8 @@ def _beside(main: Road, end: CrossPathEnd, road: Road, own_s: float) -> float:
 def _placed_cross_paths(
     path: Path, root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]
 ) -> Iterator[Remark]:
-    """Exchange the lane links of cross paths that are laid the other way round; a remark for these and those that miss lanes."""
+    """Exchange the lane links of cross paths that are laid the other way round; a remark for these
+    and those that miss lanes."""
     for element in root.iterfind("junction"):
         junction = junctions[element.get("id", "")]
         for place, (cross_path, item) in enumerate(
@@ -252,7 +260,8 @@ def _placed_cross_paths(
 
 
 def _plain_names(root: etree._Element) -> None:
-    """Take the namespace from the names of all elements: files have it since OpenDRIVE 1.8, or have it not."""
+    """Take the namespace from the names of all elements: files have it since OpenDRIVE 1.8, or have
+    it not."""
     if local_name(root) != "OpenDRIVE":
         raise invalid(root, "the root element of a road network is OpenDRIVE")
     if root.tag != "OpenDRIVE":

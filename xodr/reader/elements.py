@@ -1,4 +1,5 @@
-"""Attributes of OpenDRIVE elements as Python values, with complaints that name line and element; junctions, signals and objects.
+"""Attributes of OpenDRIVE elements as Python values, with complaints that name line and element;
+junctions, signals and objects.
 
 `xodr.load` adds the file's path to these errors.
 """
@@ -36,7 +37,8 @@ from xodr.model.geometry import ZERO, Cubic, Profile
 
 
 LARGEST = 1e12
-"""Numbers beyond this are refused: nothing on Earth needs them, and arithmetic on them overflows."""
+"""Numbers beyond this are refused: nothing on Earth needs them, and arithmetic on them overflows.
+"""
 
 
 def invalid(element: etree._Element, message: str) -> InvalidFile:
@@ -164,7 +166,8 @@ def lane_layer(element: etree._Element, name: str = "layer") -> str:
 
 
 def contact_point(element: etree._Element) -> str | None:
-    """Which end of a road a link or connection means: "start", "end" or None where the file does not say."""
+    """Which end of a road a link or connection means: "start", "end" or None where the file does
+    not say."""
     contact = element.get("contactPoint")
     if contact not in ("start", "end", None):
         raise invalid(element, f"contactPoint={contact!r} is neither start nor end")
@@ -242,7 +245,8 @@ def _place(element: etree._Element, name: str) -> float:
 
 
 def connections(junction: etree._Element) -> list[etree._Element]:
-    """The connections of a junction that roads make: none of a crossing, those with a connecting road of a virtual one."""
+    """The connections of a junction that roads make: none of a crossing, those with a connecting
+    road of a virtual one."""
     kind, found = _kind(junction), junction.findall("connection")
     if kind == "virtual":
         return [
@@ -254,7 +258,8 @@ def connections(junction: etree._Element) -> list[etree._Element]:
 
 
 def not_followed(root: etree._Element, path: Path) -> Iterator[Remark]:
-    """A remark for each junction beside a main road with ways off it that have no road, or no place on it (`elementS`)."""
+    """A remark for each junction beside a main road with ways off it that have no road, or no place
+    on it (`elementS`)."""
     lengths = {road.get("id"): number(road, "length") for road in root.iterfind("road")}
     placed = {
         (road.get("id"), link.get("elementId"))
@@ -321,7 +326,8 @@ def read_controller(element: etree._Element) -> Controller:
 
 
 def read_signal(element: etree._Element, road_id: str) -> Signal:
-    """A `signal` element. Types may be missing: files in the wild leave them out for supports and own signs."""
+    """A `signal` element. Types may be missing: files in the wild leave them out for supports and
+    own signs."""
     return Signal(
         id=text(element, "id"),
         road_id=road_id,

@@ -35,7 +35,8 @@ SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 
 
 class Repair(NamedTuple):
-    """One change of the document. fault: what was wrong with the element. assumption: what is read instead."""
+    """One change of the document. fault: what was wrong with the element. assumption: what is read
+    instead."""
 
     element: etree._Element
     rule: str
@@ -129,10 +130,12 @@ _PARENTS = {
     **dict.fromkeys(("arc", "spiral", "poly3", "paramPoly3"), "geometry"),
     "type": "road",
 }
-"""Parents of these records: road marks, objects and signals have other elements of the same names."""
+"""Parents of these records: road marks, objects and signals have other elements of the same names.
+"""
 
 _SHORT = 0.1
-"""Records with absurd numbers are read as constant where they hold for at most this length, in m."""
+"""Records with absurd numbers are read as constant where they hold for at most this length, in m.
+"""
 
 
 def _repair_values(root: etree._Element) -> Iterator[Repair]:
@@ -179,7 +182,8 @@ def _records(road: etree._Element, names: Iterable[str]) -> Iterator[etree._Elem
 
 
 def _start(element: etree._Element, name: str) -> str | None:
-    """Return the start of a record that lacks it: 0 for the first, the preceding start for shapes, None for others."""
+    """Return the start of a record that lacks it: 0 for the first, the preceding start for shapes,
+    None for others."""
     before = next(element.itersiblings(str(element.tag), preceding=True), None)
     if before is None:
         return "0"
@@ -206,7 +210,8 @@ def _absurd_records(root: etree._Element) -> Iterator[Repair]:
 def _constant_where_short(
     records: list[etree._Element], name: str, reach: float | None
 ) -> Iterator[Repair]:
-    """Make those records constant that hold for a short stretch only and have numbers that are none; `reach` ends the last."""
+    """Make those records constant that hold for a short stretch only and have numbers that are
+    none; `reach` ends the last."""
     ends = [*(_value(record, name) for record in records), reach]
     for record, start, end in zip(records, ends, ends[1:], strict=False):
         absurd = next((letter for letter in "abcd" if not _plausible(record, letter)), None)
@@ -328,7 +333,8 @@ def _length(element: etree._Element) -> float:
 
 
 def _repair_plan_view(root: etree._Element) -> Iterator[Repair]:
-    """Give roads the length of their line, lines that of their road; leave roads out that have neither."""
+    """Give roads the length of their line, lines that of their road; leave roads out that have
+    neither."""
     for road in root.findall("road"):
         geometries = road.findall("planView/geometry")
         length, *lengths = (_length(element) for element in (road, *geometries))
@@ -535,7 +541,8 @@ def _connection(connection: etree._Element, roads: set[str | None]) -> Iterator[
             yield Repair(link, SCHEMA, "from and to are not both lanes", "the link is left out")
 
 
-# all of them ---------------------------------------------------------------------------------------
+# all of them
+# ---------------------------------------------------------------------------------------
 
 _REPAIRS: tuple[Callable[[etree._Element], Iterator[Repair]], ...] = (
     _repair_header,
@@ -550,7 +557,8 @@ _REPAIRS: tuple[Callable[[etree._Element], Iterator[Repair]], ...] = (
 
 
 def repair(root: etree._Element, path: str | PathLike[str]) -> tuple[Remark, ...]:
-    """Repair a document whose elements have names without namespaces; what was assumed, each thing once."""
+    """Repair a document whose elements have names without namespaces; what was assumed, each thing
+    once."""
     found: dict[tuple[str, str], list[Repair]] = {}
     for kind in _REPAIRS:
         for fault in kind(root):

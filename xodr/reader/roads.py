@@ -1,4 +1,5 @@
-"""Reads roads: plan view, elevation, lateral profile, links and types; lane sections, as profiles of borders and centres."""
+"""Reads roads: plan view, elevation, lateral profile, links and types; lane sections, as profiles
+of borders and centres."""
 
 from __future__ import annotations
 
@@ -86,7 +87,8 @@ def read_layers(road: etree._Element, length: float) -> Layers:
 
 
 def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
-    """Sections of the temporary layer. Each holds for its `length`, or up to the next one of its side."""
+    """Sections of the temporary layer. Each holds for its `length`, or up to the next one of its
+    side."""
     elements = lanes.findall("laneSection")
     starts = ascending(elements, "s")
     offset = profile(lanes.findall("laneOffset"))
@@ -188,7 +190,8 @@ def _lane(
         outer = inner.plus(width, sign)
     else:
         border = _relative(borders, start)
-        # written as t by the standard; some writers give the distance, without the sign of the right side
+        # written as t by the standard; some writers give the distance, without the sign of the
+        # right side
         outer = center.plus(border, 1.0 if border(start) * sign >= 0.0 else -1.0)
         width = outer.plus(inner, -1.0) if sign > 0.0 else inner.plus(outer, -1.0)
     opens, closes = exceeding(width, NO_WIDTH, *ends)
@@ -217,7 +220,8 @@ def _lane(
 
 
 def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float, float], ...]:
-    """Height records, whose `sOffset` counts from the section's start; without any effect where all are 0."""
+    """Height records, whose `sOffset` counts from the section's start; without any effect where all
+    are 0."""
     records = element.findall("height")
     offsets = ascending(records, "sOffset") if records else []
     found = tuple(
@@ -228,7 +232,8 @@ def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float,
 
 
 def _relative(elements: list[etree._Element], start: float) -> Profile:
-    """Width or border records, whose `sOffset` counts from the section's start; a lane without any has no width."""
+    """Width or border records, whose `sOffset` counts from the section's start; a lane without any
+    has no width."""
     if not elements:
         return ZERO
     offsets = ascending(elements, "sOffset", distinct=True)
@@ -246,7 +251,8 @@ def _linked(element: etree._Element, name: str) -> tuple[LaneRef, ...]:
 
 
 def _continuing(links: tuple[LaneRef, ...]) -> int | None:
-    """Id of the permanent lane that continues a lane. It may link several since 1.8: the first of them."""
+    """Id of the permanent lane that continues a lane. It may link several since 1.8: the first of
+    them."""
     return next((link.id for link in links if link.layer == PERMANENT), None)
 
 
@@ -266,7 +272,8 @@ def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float |
 
 
 def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
-    """Access restrictions by place: one element with all of them since 1.8, before that one for each road user."""
+    """Access restrictions by place: one element with all of them since 1.8, before that one for
+    each road user."""
     found: dict[float, LaneAccess] = {}
     for record in element.iterfind("access"):
         s = start + number(record, "sOffset", 0.0)
@@ -292,7 +299,8 @@ def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:
 
 
 def _continue_other_side(before: LaneSection, section: LaneSection) -> None:
-    """A single-sided section changes one side only: the lanes of the other side go on from the section before."""
+    """A single-sided section changes one side only: the lanes of the other side go on from the
+    section before."""
     moved = section.lanes[0].center.plus(before.lanes[0].center, -1.0)
     for lane_id in before.left if not section.left else before.right:
         lane = before.lanes[lane_id]

@@ -1,4 +1,5 @@
-"""Lanes of road networks (OpenDRIVE): level, access, borders, widths, links, and layers; their ways through junctions."""
+"""Lanes of road networks (OpenDRIVE): level, access, borders, widths, links, and layers; their ways
+through junctions."""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ DRIVABLE = frozenset(
 
 @rule("asam.net:xodr:1.7.0:road.lane.level_true_one_side", since=(1, 7))
 def level_holds_to_the_edge(document: CheckedDocument) -> Iterator[Finding]:
-    """Once a lane is level, the lanes beyond it shall be level, too; the lanes that link each other should be alike."""
+    """Once a lane is level, the lanes beyond it shall be level, too; the lanes that link each other
+    should be alike."""
     for section in _sections(document):
         for sign in (1, -1):
             level = False
@@ -118,7 +120,8 @@ _SAMPLES = 64
 
 
 def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[tuple[float, float]]:
-    """Both borders at places along a section, all starts and extremes of the cubics nearly among them."""
+    """Both borders at places along a section, all starts and extremes of the cubics nearly among
+    them."""
     places = {record.start for record in (*near, *far)} | {
         length * index / _SAMPLES for index in range(_SAMPLES + 1)
     }
@@ -154,7 +157,8 @@ def _of_junction(*sections: Section) -> bool:
 
 @rule("asam.net:xodr:1.7.0:road.lane.link.zero_width_at_start", since=(1, 7))
 def a_lane_that_opens_has_no_predecessor(document: CheckedDocument) -> Iterator[Finding]:
-    """Lanes that have a width of zero at the beginning of the lane section shall have no predecessor."""
+    """Lanes that have a width of zero at the beginning of the lane section shall have no
+    predecessor."""
     yield from _linked_without_width(document, True)
 
 
@@ -181,7 +185,8 @@ def _linked_without_width(document: CheckedDocument, at_start: bool) -> Iterator
 
 @rule("asam.net:xodr:1.4.0:road.lane.link.new_lane_appear")
 def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Finding]:
-    """If a new lane appears beside, only the continuing lane shall be connected to the original lane, not the appearing one."""
+    """If a new lane appears beside, only the continuing lane shall be connected to the original
+    lane, not the appearing one."""
     for meeting in meetings(document):
         for lane, other, link in meeting.links:
             width = width_at(document, meeting.there, other, meeting.there_start)
@@ -192,7 +197,8 @@ def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Fi
                 )
 
 
-# layers of OpenDRIVE 1.9 -----------------------------------------------------------------------------
+# layers of OpenDRIVE 1.9
+# -----------------------------------------------------------------------------
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.layer_limits")
@@ -271,7 +277,8 @@ def sections_end_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.new_lanesec_link_temp_to_perm", since=(1, 9))
 def linked_layers_share_a_border(document: CheckedDocument) -> Iterator[Finding]:
-    """If lanes of both layers are linked, a lane section of the other layer shall begin or end at that place."""
+    """If lanes of both layers are linked, a lane section of the other layer shall begin or end at
+    that place."""
     for road in document.elements("road"):
         layers, length = sections_by_layer(document, road), document.number(road, "length") or 0.0
         for here in (section for sections in layers.values() for section in sections):
@@ -359,7 +366,8 @@ def temporary_lanes_lie_on_the_road(document: CheckedDocument) -> Iterator[Findi
 
 
 _BEYOND = 0.01
-"""By how much temporary lanes may reach beyond permanent ones, m: the numbers in files are rounded."""
+"""By how much temporary lanes may reach beyond permanent ones, m: the numbers in files are rounded.
+"""
 
 
 def _edge(
@@ -427,7 +435,8 @@ def connecting_roads_have_one_connection(document: CheckedDocument) -> Iterator[
 
 @rule("asam.net:xodr:1.8.0:junctions.connection.one_link_to_incoming", since=(1, 8))
 def connections_lead_into_the_junction(document: CheckedDocument) -> Iterator[Finding]:
-    """A connecting road shall have one connection for each incoming road, with lane links in the direction of traffic only."""
+    """A connecting road shall have one connection for each incoming road, with lane links in the
+    direction of traffic only."""
     seen: set[tuple[str | None, str]] = set()
     for _, connection in _connections(document):
         ends = connection.get("incomingRoad"), connected_road(connection)
@@ -460,13 +469,15 @@ def _ways(lane: etree._Element) -> set[int]:
 
 @rule("asam.net:xodr:1.7.0:junctions.connection.start_along_linkage", since=(1, 7))
 def connections_enter_at_the_start(document: CheckedDocument) -> Iterator[Finding]:
-    """contactPoint="start" of a connection means that the incoming road is the predecessor of the connecting road."""
+    """contactPoint="start" of a connection means that the incoming road is the predecessor of the
+    connecting road."""
     yield from _entered(document, "start", "predecessor")
 
 
 @rule("asam.net:xodr:1.7.0:junctions.connection.end_opposite_linkage", since=(1, 7))
 def connections_enter_at_the_end(document: CheckedDocument) -> Iterator[Finding]:
-    """contactPoint="end" of a connection means that the incoming road is the successor of the connecting road."""
+    """contactPoint="end" of a connection means that the incoming road is the successor of the
+    connecting road."""
     yield from _entered(document, "end", "successor")
 
 
@@ -492,7 +503,8 @@ def _entered(document: CheckedDocument, contact: str, name: str) -> Iterator[Fin
 
 @rule("asam.net:xodr:1.4.0:road.linkage.is_junction_needed")
 def ambiguous_links_need_a_junction(document: CheckedDocument) -> Iterator[Finding]:
-    """Two roads must not link the same end of a road: where it goes on is ambiguous without a junction."""
+    """Two roads must not link the same end of a road: where it goes on is ambiguous without a
+    junction."""
     seen: set[tuple[str, str]] = set()
     for road in document.elements("road"):
         if (road.get("junction") or "-1") != "-1":

@@ -1,4 +1,5 @@
-"""Road networks (OpenDRIVE): ids, links, reference lines, lanes, records and numbers; linked roads and lanes must touch."""
+"""Road networks (OpenDRIVE): ids, links, reference lines, lanes, records and numbers; linked roads
+and lanes must touch."""
 
 from __future__ import annotations
 
@@ -74,7 +75,8 @@ def _unknown(
 
 @rule("xosc.toolchain:xodr:1.4.0:road.lane.link.linked_lanes_exist")
 def linked_lanes_exist(document: CheckedDocument) -> Iterator[Finding]:
-    """Within a road, the predecessor and successor of a lane must be lanes of the neighbouring lane section of their layer."""
+    """Within a road, the predecessor and successor of a lane must be lanes of the neighbouring lane
+    section of their layer."""
     for road in document.elements("road"):
         layers = sections_by_layer(document, road)
         for here in (section for sections in layers.values() for section in sections):
@@ -109,7 +111,8 @@ _TOLERANCE = 0.01
 
 @rule("xosc.toolchain:xodr:1.4.0:road.geometry.reference_line_is_complete")
 def reference_line_is_complete(document: CheckedDocument) -> Iterator[Finding]:
-    """A road must have geometries of positive length that follow each other from s=0 to the road's length."""
+    """A road must have geometries of positive length that follow each other from s=0 to the road's
+    length."""
     for road in document.elements("road"):
         geometries = road.findall("{*}planView/{*}geometry")
         if not geometries:
@@ -144,7 +147,8 @@ _SIDES = {"left": 1, "center": 0, "right": -1}
 
 @rule("xosc.toolchain:xodr:1.4.0:road.lane.lane_sections_are_whole")
 def lane_sections_are_whole(document: CheckedDocument) -> Iterator[Finding]:
-    """A road must have lane sections with ascending s, each with a centre lane and lanes numbered without gaps from it."""
+    """A road must have lane sections with ascending s, each with a centre lane and lanes numbered
+    without gaps from it."""
     for road in document.elements("road"):
         if road.find("{*}lanes/{*}laneSection") is None:
             yield Finding(road, "the road has no lane section")
@@ -192,7 +196,8 @@ _OF_LANES = {"{*}width": ("sOffset",), "{*}border": ("sOffset",), "{*}speed": ("
 
 @rule("xosc.toolchain:xodr:1.4.0:road.records_ascend")
 def records_ascend(document: CheckedDocument) -> Iterator[Finding]:
-    """The records of roads and lanes (geometry, elevation, shape, width, …) must ascend, one at a place."""
+    """The records of roads and lanes (geometry, elevation, shape, width, …) must ascend, one at a
+    place."""
     for tag, records in (
         ("road", _OF_ROADS),
         ("lanes", {"{*}laneOffset": ("s",)}),
@@ -257,7 +262,8 @@ _NUMBERS = {
 
 @rule("xosc.toolchain:xodr:1.4.0:numbers_are_plausible")
 def numbers_are_plausible(document: CheckedDocument) -> Iterator[Finding]:
-    """Lengths, places and coefficients must be numbers up to 1e12; exporters write others for stretches of some micrometres."""
+    """Lengths, places and coefficients must be numbers up to 1e12; exporters write others for
+    stretches of some micrometres."""
     for tag, names in _NUMBERS.items():
         for element in document.elements(tag):
             for name in names:
@@ -292,7 +298,8 @@ def normalized_curves_have_their_length(document: CheckedDocument) -> Iterator[F
 
 @rule("asam.net:xodr:1.7.0:road.geometry.parampoly3.arclength_range", since=(1, 7))
 def curves_by_length_have_their_length(document: CheckedDocument) -> Iterator[Finding]:
-    """The parameter of a paramPoly3 with pRange="arcLength" is its length: the curve must be as long as its geometry."""
+    """The parameter of a paramPoly3 with pRange="arcLength" is its length: the curve must be as
+    long as its geometry."""
     yield from _curves_of_other_length(document, "arcLength")
 
 
@@ -331,7 +338,8 @@ def _curve_length(document: CheckedDocument, curve: etree._Element, end: float) 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.paramPoly3.valid_parameters", since=(1, 7))
 def curves_start_along_their_heading(document: CheckedDocument) -> Iterator[Finding]:
-    """A paramPoly3 shall start at the place and in the direction of its geometry: aU=aV=bV=0 and bU>0."""
+    """A paramPoly3 shall start at the place and in the direction of its geometry: aU=aV=bV=0 and
+    bU>0."""
     for curve in document.elements("paramPoly3"):
         values = {name: document.number(curve, name) or 0.0 for name in ("aU", "aV", "bV", "bU")}
         wrong = [name for name in ("aU", "aV", "bV") if abs(values[name]) > _ALMOST_ZERO]
@@ -351,7 +359,8 @@ _REPEATED = {
 
 @rule("asam.net:xodr:1.7.0:performance.avoid_redundant_info", level="warning", since=(1, 7))
 def records_say_something_new(document: CheckedDocument) -> Iterator[Finding]:
-    """A record that goes on with the polynomial of the one before it, or a line that goes on straight, should be left out."""
+    """A record that goes on with the polynomial of the one before it, or a line that goes on
+    straight, should be left out."""
     for tag, paths in _REPEATED.items():
         for element in document.elements(tag):
             for path in paths:
@@ -401,7 +410,8 @@ _SINCE = (1, 7)
 
 @rule("asam.net:xodr:1.7.0:road.geometry.contact_point")
 def linked_roads_touch(document: CheckedDocument) -> Iterator[Finding]:
-    """The reference lines of roads that are linked without a junction shall touch at the contact points of the links.
+    """The reference lines of roads that are linked without a junction shall touch at the contact
+    points of the links.
 
     The rule is of version 1.7; in older files a gap is a warning.
     """
@@ -426,7 +436,8 @@ def _network(document: CheckedDocument) -> RoadNetwork | None:
 
 @rule("asam.net:xodr:1.7.0:lane_smoothness.contact_point_no_horizontal_gaps", since=_SINCE)
 def linked_lanes_touch(document: CheckedDocument) -> Iterator[Finding]:
-    """Geometries of a road that follow each other, and lanes to drive on that are linked, shall have no gaps between them."""
+    """Geometries of a road that follow each other, and lanes to drive on that are linked, shall
+    have no gaps between them."""
     network = _network(document)
     if network is None:
         return

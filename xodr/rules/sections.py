@@ -1,4 +1,5 @@
-"""Lanes of OpenDRIVE documents as rules need them: sections by layer, widths, and where lanes meet others that they link."""
+"""Lanes of OpenDRIVE documents as rules need them: sections by layer, widths, and where lanes meet
+others that they link."""
 
 from __future__ import annotations
 
@@ -58,7 +59,8 @@ def single_sided(section: etree._Element) -> bool:
 
 
 def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[str, list[Section]]:
-    """The lane sections of a road by layer, with the s at which they end: at the next one of their side, or before."""
+    """The lane sections of a road by layer, with the s at which they end: at the next one of their
+    side, or before."""
     length, found = document.number(road, "length"), dict[str, list[Section]]()
     for lanes in road.iterfind("{*}lanes"):
         layer = lanes.get("layer") or PERMANENT
@@ -85,7 +87,8 @@ def _same_side(section: etree._Element, other: etree._Element) -> bool:
 
 
 class Record(NamedTuple):
-    """A polynomial from `start` on: of the width of a lane, or of its border (t); ds counts from there."""
+    """A polynomial from `start` on: of the width of a lane, or of its border (t); ds counts from
+    there."""
 
     start: float
     coefficients: tuple[float, float, float, float]
@@ -121,7 +124,8 @@ def width_at(
 
 
 class SectionMeeting(NamedTuple):
-    """Two ends of lane sections that touch: of one road, of linked roads ("road") or of a connection in a junction.
+    """Two ends of lane sections that touch: of one road, of linked roads ("road") or of a
+    connection in a junction.
 
     place: "section", "road" or "junction". here_start, there_start: whether the sections touch with
     their start. links: the lanes here with those that they link there, and the element that says

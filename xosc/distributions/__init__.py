@@ -1,4 +1,5 @@
-"""ParameterValueDistribution files: the variations of a scenario, and every distribution of the standard as a dataclass.
+"""ParameterValueDistribution files: the variations of a scenario, and every distribution of the
+standard as a dataclass.
 
 Modules:
 

@@ -1,4 +1,5 @@
-"""Deterministic distributions: listed values that are combined as a cartesian product (OpenSCENARIO XML, Deterministic).
+"""Deterministic distributions: listed values that are combined as a cartesian product (OpenSCENARIO
+XML, Deterministic).
 
 A distribution knows how many values it has and its value at an index, so that nothing need be
 enumerated to count a space or to reach into the middle of it.
@@ -157,7 +158,8 @@ class DeterministicSingleParameterDistribution:
 
 @dataclass(frozen=True)
 class DeterministicMultiParameterDistribution:
-    """`DeterministicMultiParameterDistribution` with its `ValueSetDistribution`: sets of values that belong together."""
+    """`DeterministicMultiParameterDistribution` with its `ValueSetDistribution`: sets of values
+    that belong together."""
 
     value_sets: tuple[Mapping[str, str], ...]
 
@@ -227,7 +229,8 @@ _KINDS = {kind.__name__: kind for kind in get_args(ParameterDistribution)}
 
 @dataclass(frozen=True)
 class Deterministic:
-    """`Deterministic`: every combination of what its distributions list, the last listed varying fastest."""
+    """`Deterministic`: every combination of what its distributions list, the last listed varying
+    fastest."""
 
     distributions: tuple[ParameterDistribution, ...]
 
@@ -286,7 +289,8 @@ class ParameterValueDistribution:
 
     @classmethod
     def read(cls, node: Node) -> ParameterValueDistribution:
-        """From its element, whose attributes may be expressions without parameters (the file can declare none)."""
+        """From its element, whose attributes may be expressions without parameters (the file can
+        declare none)."""
         node = _evaluated(node)
         definition = node.find("Deterministic") or node.find("Stochastic")
         if definition is None:
@@ -367,7 +371,8 @@ def respelled(
 
 
 def _places(top: Node, name: str, value: str) -> list[Node]:
-    """The first element that gives a parameter a value; none where that is computed, or given otherwise."""
+    """The first element that gives a parameter a value; none where that is computed, or given
+    otherwise."""
     for holder in top.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
         found = [element for element in holder.iter("Element") if element.get("value", "") == value]
         if holder.get("parameterName", "") == name and found:

@@ -1,4 +1,5 @@
-"""The parameter space that a distribution file spans over its scenario: counted, reached into, walked, sampled and chosen from.
+"""The parameter space that a distribution file spans over its scenario: counted, reached into,
+walked, sampled and chosen from.
 
 Nothing here enumerates a space in order to reach into it: a place in a deterministic space is a
 number in mixed radix, and a stochastic test run depends on its number alone."""
@@ -32,7 +33,8 @@ MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
 
 MAX_EXCLUDED = 20_000
-"""So many variations in a row outside the constraints (a few seconds) end an enumeration, which could go on for years."""
+"""So many variations in a row outside the constraints (a few seconds) end an enumeration, which
+could go on for years."""
 
 _REMEMBERED = 10_000
 """So many answers on values are kept."""
@@ -123,7 +125,8 @@ class ParameterSpace:
         return self.scenario, self._assignment(index, None)
 
     def draw(self, index: int, seed: float) -> Variation:
-        """The random variation with that number: from a deterministic space any with the same probability."""
+        """The random variation with that number: from a deterministic space any with the same
+        probability."""
         if self.distribution is not None and isinstance(
             self.distribution.definition, Deterministic
         ):
@@ -145,7 +148,8 @@ class ParameterSpace:
         return all(kept)
 
     def _group_keeps(self, number: int, values: tuple[str | None, ...]) -> bool:
-        """Whether values, in their order, keep the constraints of a group; None where the default counts."""
+        """Whether values, in their order, keep the constraints of a group; None where the default
+        counts."""
         group = self._constrained[number]
         assigned = {
             name: self._assigned(name, value)
@@ -221,7 +225,8 @@ class Variations(Iterator[Variation]):
 
 
 def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -> Variations:
-    """The scenario and parameter values of each variation that a distribution file lists or draws, lazily.
+    """The scenario and parameter values of each variation that a distribution file lists or draws,
+    lazily.
 
     Source: OpenSCENARIO XML 1.3.1, section on parameter value distributions: deterministic
     distributions are combined as a cartesian product (the last listed varies fastest here); a
@@ -312,7 +317,8 @@ def _places(node: Node) -> Iterator[tuple[str, Node]]:
 
 
 def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
-    """The declarations that have constraints, and those that the constraints and their values depend on."""
+    """The declarations that have constraints, and those that the constraints and their values
+    depend on."""
     needed: dict[str, Node] = {}
     pending = [
         name for name, declaration in declarations.items() if declaration.find("ConstraintGroup")
@@ -351,7 +357,8 @@ _SPAN = re.compile(r"(\d+)(?:-(\d+))?")
 
 @dataclass(frozen=True)
 class Selection:
-    """Parameter sets of each variation file: by default every one. A scenario, which is no variation file, is always chosen.
+    """Parameter sets of each variation file: by default every one. A scenario, which is no
+    variation file, is always chosen.
 
     Args:
         only: numbers of parameter sets as first and last, from 0; empty for all.
@@ -376,7 +383,8 @@ class Selection:
         return bool(self.only) or self.sample is not None
 
     def count(self, space: ParameterSpace) -> int:
-        """Return the number of parameter sets of a space. Sets that constraints exclude are counted."""
+        """Return the number of parameter sets of a space. Sets that constraints exclude are
+        counted."""
         if self.only and space.distribution is not None:
             return sum(max(0, min(last, space.size - 1) - first + 1) for first, last in self.only)
         return space.size if self.sample is None else min(self.sample, space.size)
@@ -448,7 +456,8 @@ def _none_kept(space: ParameterSpace, subject: str) -> InvalidFile:
 
 
 def numbered(name: str, index: int) -> str:
-    """Return the name of a parameter set: that of its file, and its number, or the digest of one too long for a file name."""
+    """Return the name of a parameter set: that of its file, and its number, or the digest of one
+    too long for a file name."""
     return (
         f"{name}~{index:06d}" if index < _MOST_NUMBERED else f"{name}~{digest(str(index).encode())}"
     )

@@ -1,4 +1,5 @@
-"""Stochastic distributions: test runs drawn from probability distributions (OpenSCENARIO XML, Stochastic).
+"""Stochastic distributions: test runs drawn from probability distributions (OpenSCENARIO XML,
+Stochastic).
 
 Every draw is the distribution's quantile at a uniform number that depends on the seed, the
 parameter's name and the number of the run alone. So each parameter has its own stream, a run is the
@@ -76,7 +77,8 @@ class NormalDistribution:
 
     @cached_property
     def _probabilities(self) -> tuple[float, float, bool]:
-        """Cumulative probabilities of the limits; mirrored above the mean, where they would all round to 1."""
+        """Cumulative probabilities of the limits; mirrored above the mean, where they would all
+        round to 1."""
         if self.range is None:
             return 0.0, 1.0, False
         if not self.variance:
@@ -104,7 +106,8 @@ class NormalDistribution:
 
 @dataclass(frozen=True)
 class LogNormalDistribution(NormalDistribution):
-    """`LogNormalDistribution`: its logarithm is normal; expectedValue and variance are those of the values themselves."""
+    """`LogNormalDistribution`: its logarithm is normal; expectedValue and variance are those of the
+    values themselves."""
 
     def _check(self) -> None:
         if self.expected_value <= 0:
@@ -298,7 +301,8 @@ def _clamped(value: float, limits: Range | None) -> float:
 
 
 def _between(limits: Range, probability: float) -> float:
-    """Linear in the probability; the two products cannot overflow where a difference of the limits could."""
+    """Linear in the probability; the two products cannot overflow where a difference of the limits
+    could."""
     return _clamped(
         limits.lower_limit * (1 - probability) + limits.upper_limit * probability, limits
     )
@@ -362,7 +366,8 @@ class StochasticDistribution:
 
 @dataclass(frozen=True)
 class Stochastic:
-    """`Stochastic`: a number of test runs, each with every parameter drawn on its own. No seed means seed 0."""
+    """`Stochastic`: a number of test runs, each with every parameter drawn on its own. No seed
+    means seed 0."""
 
     number_of_test_runs: int
     distributions: tuple[StochasticDistribution, ...]
@@ -412,6 +417,7 @@ class Stochastic:
 
 
 def uniform(key: str) -> float:
-    """A number uniform in (0, 1) that depends on the key alone; 52 bits, so that neither end is ever reached."""
+    """A number uniform in (0, 1) that depends on the key alone; 52 bits, so that neither end is
+    ever reached."""
     bits = int.from_bytes(blake2b(key.encode(), digest_size=8).digest(), "big") >> 12
     return (bits + 0.5) * 2**-52

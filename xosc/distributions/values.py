@@ -1,4 +1,5 @@
-"""Shared parts of distributions: ranges, numbers as text, checks, elements; user-defined ones get their meaning from plug-ins."""
+"""Shared parts of distributions: ranges, numbers as text, checks, elements; user-defined ones get
+their meaning from plug-ins."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ class Range:
 
 @contextmanager
 def located(node: Node) -> Iterator[None]:
-    """Say where in a file it was read what is wrong with a value: an InvalidFile or Unsupported at that element."""
+    """Say where in a file it was read what is wrong with a value: an InvalidFile or Unsupported at
+    that element."""
     try:
         yield
     except UsageError as error:
@@ -77,7 +79,8 @@ def weights(values: list[float]) -> None:
 
 
 def text(value: float | Decimal) -> str:
-    """A number as it stands in a file: the shortest text that reads back as the same number, `3` rather than `3.0`."""
+    """A number as it stands in a file: the shortest text that reads back as the same number, `3`
+    rather than `3.0`."""
     number = value if isinstance(value, Decimal) else Decimal(repr(float(value)))
     if not number:
         return "0"
@@ -93,11 +96,13 @@ def element(tag: str, *children: etree._Element, **attributes: str) -> etree._El
 
 
 GROUP = "xosc.distribution"
-"""Entry point group: the name is the distribution's `type`, the object a class that keeps `UserDistribution`."""
+"""Entry point group: the name is the distribution's `type`, the object a class that keeps
+`UserDistribution`."""
 
 
 class UserDistribution(Protocol):
-    """A plug-in, created with the element's text content (ValueError where that makes no sense to it).
+    """A plug-in, created with the element's text content (ValueError where that makes no sense to
+    it).
 
     It need have only the method for its use.
     """
@@ -118,7 +123,8 @@ class UserDefinedDistribution:
 
     @property
     def plugin(self) -> UserDistribution:
-        """The plug-in with this distribution's content; Unsupported where no plug-in has this type's name."""
+        """The plug-in with this distribution's content; Unsupported where no plug-in has this
+        type's name."""
         if current().untrusted:
             raise Unsupported(
                 f"the user-defined distribution type {self.type!r} is a plug-in's, and --untrusted loads none"

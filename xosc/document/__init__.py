@@ -68,7 +68,8 @@ class Document:
 
 
 def load(path: str | os.PathLike[str], *, strict: bool = False) -> Document:
-    """Read an OpenSCENARIO file of version 1.0 to 1.4: a scenario, a catalogue or a parameter value distribution.
+    """Read an OpenSCENARIO file of version 1.0 to 1.4: a scenario, a catalogue or a parameter value
+    distribution.
 
     Documents are cached; a file whose modification time or size has changed is read again. Faults
     that leave one sensible meaning are repaired, each with a remark.

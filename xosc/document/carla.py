@@ -45,7 +45,8 @@ def is_criterion(condition: Node) -> bool:
 
 
 def is_for_carla(scenario: Node) -> bool:
-    """Whether a scenario is written for scenario_runner: by its flag, or by criteria in its stop triggers."""
+    """Whether a scenario is written for scenario_runner: by its flag, or by criteria in its stop
+    triggers."""
     triggers = scenario.iter("StopTrigger")
     return is_mirrored(scenario) or any(
         is_criterion(condition) for trigger in triggers for condition in trigger.iter("Condition")
@@ -142,7 +143,8 @@ _CHANGES: dict[str, Callable[[Node], None]] = {
 
 
 def _lateral_distance(action: Node, flagged: bool) -> list[Remark]:
-    """The side that the sign of a distance means; scenario_runner's positive distances are to the right."""
+    """The side that the sign of a distance means; scenario_runner's positive distances are to the
+    right."""
     distance = action.float("distance", None)
     if distance is None or action.has("displacement") or not (flagged or distance < 0.0):
         return []

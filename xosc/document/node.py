@@ -1,4 +1,5 @@
-"""Typed, located access to the elements of a resolved OpenSCENARIO document, and what names in it refer to."""
+"""Typed, located access to the elements of a resolved OpenSCENARIO document, and what names in it
+refer to."""
 
 from __future__ import annotations
 
@@ -18,11 +19,13 @@ from schemas.common.remarks import Remark
 from schemas.expressions.values import MARK, boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"
-"""Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""
+"""Attribute naming the file that an element came from, where that is not the document's own
+(catalogue entries)."""
 LINE = "{urn:xosc-toolchain}line"
 """Attribute keeping the source line of such an element's root."""
 TO_RIGHT = "{urn:xosc-toolchain}toRight"
-"""Attribute of elements whose lateral values count to the right of the entity that they refer to, see `xosc.document.carla`."""
+"""Attribute of elements whose lateral values count to the right of the entity that they refer to,
+see `xosc.document.carla`."""
 OWN = (SOURCE, LINE, TO_RIGHT)
 """Attributes that no file has."""
 
@@ -132,7 +135,8 @@ class Node:
         return text
 
     def file(self, name: str) -> Path:
-        """Attribute as a path; a relative one starts at the folder of the file that the element stands in."""
+        """Attribute as a path; a relative one starts at the folder of the file that the element
+        stands in."""
         return referred(self.path, self.get(name))
 
     # children -------------------------------------------------------------------------------
@@ -191,7 +195,8 @@ class Node:
         return InvalidFile(message, path=self.path, line=self.line, element=self.tag)
 
     def remark(self, rule: str, message: str, cause: str = "") -> Remark:
-        """A remark on this element: the rule that it breaks, what is wrong with it and what is assumed; cause as in `Remark`."""
+        """A remark on this element: the rule that it breaks, what is wrong with it and what is
+        assumed; cause as in `Remark`."""
         return Remark(rule, message, str(self.path), self.line, cause, self.tag)
 
     def unsupported(self, message: str) -> Unsupported:
@@ -213,7 +218,8 @@ def _path(source: str) -> Path:
 
 
 def _source_of(element: etree._Element, default: Path, known: dict[etree._Element, Path]) -> Path:
-    """The file that an element came from: that of its nearest ancestor with one. Those that are known end the search."""
+    """The file that an element came from: that of its nearest ancestor with one. Those that are
+    known end the search."""
     passed, found = [], default
     current: etree._Element | None = element
     while current is not None:
@@ -244,7 +250,8 @@ Names = tuple[str, ...]
 
 
 def names_of(element: etree._Element) -> Names:
-    """The name of a storyboard element with those around it; of any other element, those around it only."""
+    """The name of a storyboard element with those around it; of any other element, those around it
+    only."""
     around = (element, *element.iterancestors(*STORYBOARD))
     return tuple(str(element.get("name", "")) for element in around if element.tag in STORYBOARD)[
         ::-1
@@ -252,7 +259,8 @@ def names_of(element: etree._Element) -> Names:
 
 
 def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]]) -> Sequence[_T]:
-    """Return the elements that a name or the end of a path (`Act::Event`) refers to: the nearest to the reference.
+    """Return the elements that a name or the end of a path (`Act::Event`) refers to: the nearest to
+    the reference.
 
     Args:
         around: names of the elements in which the reference stands.
@@ -272,7 +280,8 @@ def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]
 
 
 def meant(state: Node, scenario: Node) -> Sequence[Node]:
-    """The elements that a StoryboardElementStateCondition may mean (OpenSCENARIO XML 1.3): one, as a rule."""
+    """The elements that a StoryboardElementStateCondition may mean (OpenSCENARIO XML 1.3): one, as
+    a rule."""
     kind = state.get("storyboardElementType").lower()
     tag = next((tag for tag in STORYBOARD if tag.lower() == kind), None)
     candidates = (

@@ -1,4 +1,5 @@
-"""Location of a scenario's road network: the path of its LogicFile, or else a file of the same name nearby.
+"""Location of a scenario's road network: the path of its LogicFile, or else a file of the same name
+nearby.
 
 Libraries get moved about, and scenarios for CARLA name towns (`Town01`) instead of files. The one
 look-up for all that load.
@@ -22,7 +23,8 @@ RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
 
 
 class RoadFile(NamedTuple):
-    """The file of a road network. remark: None where it is where the LogicFile says, or in a folder that was asked for."""
+    """The file of a road network. remark: None where it is where the LogicFile says, or in a folder
+    that was asked for."""
 
     path: Path
     remark: Remark | None

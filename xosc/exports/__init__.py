@@ -47,4 +47,5 @@ DOCUMENT_FIELDS = {
     "weather": "",
     "lights of vehicles": "",
 }
-"""Fields of a scenario, with what is meant; each target of documents declares their fates (`FATES`)."""
+"""Fields of a scenario, with what is meant; each target of documents declares their fates
+(`FATES`)."""

@@ -1,4 +1,5 @@
-"""Scenarios with everything worked out, and conversion to an older version, so that files stay valid and move as before.
+"""Scenarios with everything worked out, and conversion to an older version, so that files stay
+valid and move as before.
 
 What an older version cannot express, although no motion depends on it, is kept in a form that it
 has:
@@ -58,7 +59,8 @@ def concrete(
     strict: bool = False,
     catalog_path: Folders = (),
 ) -> Document:
-    """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
+    """A scenario whose attributes are literals, with catalogue entries in the place of the
+    references to them.
 
     Its version is the newest of its own and those of its catalogues. Declarations stay only of
     parameters that conditions and actions name; what then is left out is not used any more.
@@ -102,7 +104,8 @@ def concrete(
 
 
 def _version_of(element: etree._Element, catalogs: Mapping[str, Version], own: Version) -> Version:
-    """The version in which an element was written: that of the catalogue that it came from, or the scenario's own."""
+    """The version in which an element was written: that of the catalogue that it came from, or the
+    scenario's own."""
     for ancestor in (element, *element.iterancestors()):
         if ancestor.get(SOURCE):
             return catalogs[str(ancestor.get(SOURCE))]
@@ -158,14 +161,15 @@ def copied(document: Document) -> Document:
 
 
 GRAIN = 2e-6
-"""By how much the value of a comparison is moved where its equality is to count: twice the tolerance (1e-6) with which this
-runner and esmini compare, so that both find the same border."""
+"""By how much the value of a comparison is moved where its equality is to count: twice the
+tolerance (1e-6) with which this runner and esmini compare, so that both find the same border."""
 
 _STRICT = {"greaterOrEqual": ("greaterThan", -GRAIN), "lessOrEqual": ("lessThan", GRAIN)}
 
 
 def in_version(document: Document, version: Version, draft: Draft) -> Document:
-    """A document in another version, with the changes of the table above, and `xosc.exports.omissions` unless exports are strict.
+    """A document in another version, with the changes of the table above, and
+    `xosc.exports.omissions` unless exports are strict.
 
     Args:
         draft: gets the remarks.

@@ -1,4 +1,5 @@
-"""The files of an export before they are written, and its folder: what is refused on the way leaves nothing behind."""
+"""The files of an export before they are written, and its folder: what is refused on the way leaves
+nothing behind."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ class Folder:
         self._names: dict[tuple[str, str], str] = {}
 
     def name(self, source: str | os.PathLike[str], preferred: str) -> str:
-        """The name, relative to the folder, of a source's copy: the preferred one, or numbered where another source has that.
+        """The name, relative to the folder, of a source's copy: the preferred one, or numbered
+        where another source has that.
 
         Args:
             source: the file or folder that it is made from.
@@ -107,7 +109,8 @@ class Folder:
 
 
 Roads = Callable[[Node], RoadFile | None]
-"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.document.road_files.find_roads`."""
+"""The road network of a scenario, by its root; None where it has none; errors as in
+`xosc.document.road_files.find_roads`."""
 
 
 def roads_in(*folders: str | PathLike[str]) -> Roads:

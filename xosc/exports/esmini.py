@@ -1,4 +1,5 @@
-"""Target `esmini`: scenarios that esmini plays as they are meant, in their own version up to 1.3, with parameters and catalogues.
+"""Target `esmini`: scenarios that esmini plays as they are meant, in their own version up to 1.3,
+with parameters and catalogues.
 
 Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read
 otherwise is refused (`_REFUSED`); what it does not read, and no motion depends on, stays and is
@@ -128,7 +129,8 @@ def export(
 
 
 def _check(document: Document, draft: Draft) -> None:
-    """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
+    """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the
+    references to them."""
     both = (document, resolve(document, **draft.settings.resolving))
     for form in both:
         refuse(form, _REFUSED)

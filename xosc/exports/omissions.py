@@ -1,4 +1,5 @@
-"""Elements that a version lacks and no motion depends on: left out or rewritten, with a remark each.
+"""Elements that a version lacks and no motion depends on: left out or rewritten, with a remark
+each.
 
 `xosc.writing.versions` converts what can be said in both versions, and refuses the rest. Exports
 that are not strict make these changes before. A place is XPath from the root; values that are still
@@ -66,7 +67,8 @@ def omit(document: Document, version: Version) -> Iterator[str]:
 
 
 def _idle_elements(document: Document) -> Iterator[str]:
-    """Actions and acts without content, which schemas and other players refuse, do nothing by what they hold."""
+    """Actions and acts without content, which schemas and other players refuse, do nothing by what
+    they hold."""
     inside = "[not(*)][ancestor-or-self::Action or ancestor-or-self::PrivateAction]"
     for action in _at(document, " | ".join(f"//{tag}{inside}" for tag in ("Action", *CHOICES))):
         if (
@@ -80,7 +82,8 @@ def _idle_elements(document: Document) -> Iterator[str]:
 
 
 def _misplaced_actions(document: Document) -> Iterator[str]:
-    """Take away actions outside any action: nothing executes them, and what exports make of actions needs their actors."""
+    """Take away actions outside any action: nothing executes them, and what exports make of actions
+    needs their actors."""
     inside = " or ".join(
         f"ancestor-or-self::{tag}"
         for tag in ("Action", "PrivateAction", "GlobalAction", "UserDefinedAction")
@@ -98,7 +101,8 @@ def _at(document: Document, where: str) -> list[etree._Element]:
 
 
 def leave_out(action: Node, scenario: Node) -> None:
-    """Take an action away, no other one of its ControllerAction; where its event has no other one, it does nothing instead.
+    """Take an action away, no other one of its ControllerAction; where its event has no other one,
+    it does nothing instead.
 
     An action that went before, with another one of the same Action, is skipped.
     """
@@ -404,7 +408,8 @@ OMISSIONS: tuple[Omission, ...] = (
         _without("coordinateSystem"), "a distance along the lane or road is written as one ahead, the same where it is straight",
     ),
 )  # fmt: skip
-"""Of what a version brought, in the order in which they are made; files that have it before lose it too."""
+"""Of what a version brought, in the order in which they are made; files that have it before lose it
+too."""
 
 SAID_OTHERWISE: tuple[Omission, ...] = (
     Omission(
@@ -431,7 +436,8 @@ SAID_OTHERWISE: tuple[Omission, ...] = (
 
 
 class Rule(NamedTuple):
-    """A place in a scenario, as XPath from its root, and what the target makes of what stands there."""
+    """A place in a scenario, as XPath from its root, and what the target makes of what stands
+    there."""
 
     where: str
     reason: str
@@ -468,7 +474,8 @@ def _found(document: Document, rules: Sequence[Rule]) -> Iterator[tuple[Node, st
 
 
 def located(element: etree._Element, document: Document) -> Node:
-    """An element of a document in the file that it came from: a catalogue's entry knows which that is."""
+    """An element of a document in the file that it came from: a catalogue's entry knows which that
+    is."""
     source = next(
         (
             ancestor.get(SOURCE)

@@ -1,4 +1,5 @@
-"""Files that a scenario refers to, taken along into the output folder, and the references that lead there.
+"""Files that a scenario refers to, taken along into the output folder, and the references that lead
+there.
 
 An author may choose any name and suffix, so what is taken along is known by its content: a road
 network or a catalogue is read, a 3-D model is known by how its format begins.
@@ -33,7 +34,8 @@ Convert = Callable[[Document], bytes]
 
 
 def take_roads(document: Document, draft: Draft) -> Path | None:
-    """Take along the road network and the 3D model of a scenario, to whose copies its references are changed.
+    """Take along the road network and the 3D model of a scenario, to whose copies its references
+    are changed.
 
     A model that is not there stays as it is referred to: few public scenarios bring their model
     along.
@@ -173,7 +175,8 @@ def catalog_name(source: Path, folder: Folder) -> str:
 
 
 def _beside(catalog: Path, first: Path, folder: Folder) -> str:
-    """The name of a catalogue in the directory of the first one, where several folders serve one location."""
+    """The name of a catalogue in the directory of the first one, where several folders serve one
+    location."""
     if catalog.parent == first.parent:
         return catalog_name(catalog, folder)
     return f"{_directory(first.parent, folder)}/{catalog.parent.name}-{catalog.name}"

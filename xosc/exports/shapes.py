@@ -1,4 +1,5 @@
-"""Positions, trajectories, initial distances and synchronised arrivals in terms that every target has.
+"""Positions, trajectories, initial distances and synchronised arrivals in terms that every target
+has.
 
 Positions and trajectories become world positions and polylines; initial distances become positions
 and speeds. Synchronised arrivals without steady states and tolerances get earlier targets. An actor
@@ -28,7 +29,8 @@ _NEAR = 1e-3
 def in_world(
     document: Document, geometry: RoadGeometry, chosen: Callable[[Node], bool]
 ) -> Iterator[str]:
-    """Say positions, where they are fixed, by WorldPosition; a remark for each kind with the first place.
+    """Say positions, where they are fixed, by WorldPosition; a remark for each kind with the first
+    place.
 
     Args:
         chosen: which positions.
@@ -55,7 +57,8 @@ def polylines(
     offsets: bool,
     during: State | None,
 ) -> Iterator[str]:
-    """Say trajectories, where they are fixed, by polylines; a remark for each kind with the first place.
+    """Say trajectories, where they are fixed, by polylines; a remark for each kind with the first
+    place.
 
     Args:
         shapes: which shapes.
@@ -99,7 +102,8 @@ def _places(
 
 
 def first_position(start: InitialState) -> etree._Element:
-    """The position with which an entity starts: on its lane where it is in its middle, else in the world."""
+    """The position with which an entity starts: on its lane where it is in its middle, else in the
+    world."""
     assert start.pose is not None
     if start.centred and start.road is not None:
         return etree.Element(
@@ -138,7 +142,8 @@ def polyline(
 
 
 def to_init(document: Document) -> Iterator[str]:
-    """Move distances that stories set at time 0 into Init and remove those that are never set, in place; remarks."""
+    """Move distances that stories set at time 0 into Init and remove those that are never set, in
+    place; remarks."""
     scenario = document.node
     privates = {
         node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")
@@ -165,7 +170,8 @@ def _at_once(action: Node) -> bool:
 
 
 def starts_at_once(action: Node, scenario: Node) -> bool | None:
-    """Whether the event and the act around an element start at time 0, whatever happens; False: never, None: that depends."""
+    """Whether the event and the act around an element start at time 0, whatever happens; False:
+    never, None: that depends."""
     around = [
         Node(ancestor, action.path).find("StartTrigger")
         for ancestor in action.element.iterancestors("Event", "Act")
@@ -219,7 +225,8 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
 
 
 def first_distances(document: Document, known: Mapping[str, InitialState]) -> Iterator[str]:
-    """Say distances that Init sets at once by the first positions and speeds that come of them; a remark for each.
+    """Say distances that Init sets at once by the first positions and speeds that come of them; a
+    remark for each.
 
     Args:
         known: initial states of all entities, poses included.
@@ -248,7 +255,8 @@ _UNKNOWN = "the version has no steady states, and where the master is when this 
 
 
 def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
-    """Move targets back by steady states and tolerances, which are left out, in place; a remark for each action.
+    """Move targets back by steady states and tolerances, which are left out, in place; a remark for
+    each action.
 
     Raises:
         Unsupported: it is not known by how much, or a position can't be moved back.
@@ -275,7 +283,8 @@ def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def _wait(action: Node, time: float, scenario: Node) -> None:
-    """Have conditions that wait for the end of an action wait for a time (s) longer, by which it now ends earlier, in place.
+    """Have conditions that wait for the end of an action wait for a time (s) longer, by which it
+    now ends earlier, in place.
 
     Raises:
         Unsupported: what they wait for has other actions too.

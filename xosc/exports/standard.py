@@ -1,4 +1,5 @@
-"""Targets `1.0` to `1.4`: the same scenarios, catalogues and distributions in another version of the standard.
+"""Targets `1.0` to `1.4`: the same scenarios, catalogues and distributions in another version of
+the standard.
 
 Where a version has no expressions, or not the functions that a scenario uses, its parameters are
 worked out; its distributions then become a scenario for each set of parameters, as for 1.0, which
@@ -87,7 +88,8 @@ def export(
 
 
 def scenario(document: Document, version: Version | None, draft: Draft) -> Sequence[str]:
-    """Write a scenario with its parameters and catalogues, or worked out where the version can't say them; as in `export`.
+    """Write a scenario with its parameters and catalogues, or worked out where the version can't
+    say them; as in `export`.
 
     Args:
         version: of the scenario and its catalogues; None leaves each in its own.
@@ -106,7 +108,8 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
 
 
 def add(document: Document, version: Version | None, draft: Draft, name: str = "") -> None:
-    """Add a scenario (under another name, where one is given), its catalogues and its roads to what is to be written.
+    """Add a scenario (under another name, where one is given), its catalogues and its roads to what
+    is to be written.
 
     Raises:
         Unsupported: the version can't say all of it.
@@ -123,7 +126,8 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
 def add_worked_out(
     document: Document, version: Version | None, draft: Draft, name: str = ""
 ) -> None:
-    """Add a worked-out scenario, positions and trajectories as places in the world where the version has no others; as `add`."""
+    """Add a worked-out scenario, positions and trajectories as places in the world where the
+    version has no others; as `add`."""
     trial = draft.copy()
     try:
         add(document, version, trial, name)
@@ -159,7 +163,8 @@ def _located(document: Document, geometry: RoadGeometry, version: Version) -> It
 
 
 def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Document:
-    """A catalogue in a version; refused where its entries would no longer see parameters that they use."""
+    """A catalogue in a version; refused where its entries would no longer see parameters that they
+    use."""
     if version is not None and catalog.version < _CLOSED_SINCE <= version:
         for entry in catalog.node.need("Catalog").children():
             declared = {
@@ -185,7 +190,8 @@ def _parameters(text: str) -> set[str]:
 
 
 def distribution(document: Document, version: Version | None, draft: Draft) -> Sequence[str]:
-    """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and errors as in `export`."""
+    """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and
+    errors as in `export`."""
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
     if draft.settings.selection.chooses:
         return write_sets(
@@ -215,7 +221,8 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
 def write_sets(
     document: Document, version: Version | None, draft: Draft, remark: str
 ) -> Sequence[str]:
-    """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
+    """Write the scenario of a distribution with each set of its parameters worked out; remarks and
+    errors as in `export`."""
     for name, worked_out in concrete_scenarios(document.path, draft.settings):
         add_worked_out(worked_out, version, draft, name)
     return draft.write(remark)

@@ -1,4 +1,5 @@
-"""Initial lanes, speeds and positions of entities, and ways of routes, in a worked-out scenario on its roads.
+"""Initial lanes, speeds and positions of entities, and ways of routes, in a worked-out scenario on
+its roads.
 
 The start of an entity is enough to express its first action of a kind relatively or absolutely, by
 time or by distance. The values of a later action are known only when the scenario runs."""
@@ -66,7 +67,8 @@ def _speed(private: Node) -> float | None:
 
 
 def beside(lane: int, steps: int) -> int:
-    """The lane id `steps` lanes towards +t (the centre lane is not counted); 0 from where there is no lane."""
+    """The lane id `steps` lanes towards +t (the centre lane is not counted); 0 from where there is
+    no lane."""
     target = lane + steps
     return target if (target > 0) == (lane > 0) and target else target + (1 if steps > 0 else -1)
 
@@ -86,7 +88,8 @@ def actors(action: Node) -> list[str]:
 
 
 State = Callable[[Node, str], InitialState | None]
-"""Function that returns the known state of an entity at the start of an action, by the action and the entity's name."""
+"""Function that returns the known state of an entity at the start of an action, by the action and
+the entity's name."""
 
 
 def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
@@ -161,7 +164,8 @@ def target_speed(action: Node, state: State) -> float | None:
 
 
 def _after(action: Node, entity: str, now: InitialState, state: State) -> InitialState:
-    """Return the state of an entity after an action; unknown values are those of an empty `InitialState`."""
+    """Return the state of an entity after an action; unknown values are those of an empty
+    `InitialState`."""
     if action.tag == "SpeedAction":
         return now._replace(speed=target_speed(action, state))
     if action.tag == "LaneChangeAction":
@@ -180,7 +184,8 @@ def _after(action: Node, entity: str, now: InitialState, state: State) -> Initia
 
 
 def first(action: Node, tag: str, scenario: Node) -> bool:
-    """Whether an entity does nothing of that kind in the story besides this action, so that it still is as it started."""
+    """Whether an entity does nothing of that kind in the story besides this action, so that it
+    still is as it started."""
     story = [
         other
         for story in scenario.need("Storyboard").children("Story")
@@ -190,7 +195,8 @@ def first(action: Node, tag: str, scenario: Node) -> bool:
 
 
 class Vertex(NamedTuple):
-    """A pose in the world (m, rad), and the time (s) of a vertex that has one. h: None where it is that of the way."""
+    """A pose in the world (m, rad), and the time (s) of a vertex that has one. h: None where it is
+    that of the way."""
 
     x: float
     y: float
@@ -211,27 +217,31 @@ class RoadGeometry(Protocol):
         ...
 
     def begins(self, element: Node) -> float | None:
-        """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
+        """When (s) an element of the storyboard first begins, in a run without a system under test;
+        None where it doesn't."""
         ...
 
     def ends(self, element: Node) -> float | None:
-        """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
+        """When (s) the step is over in which an element first ends in that run; None where it
+        doesn't, or others end it."""
         ...
 
     def driven(self, entity: str, begin: float, end: float) -> Sequence[Vertex]:
-        """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
+        """Return the positions of an entity at each step of that run between two times (s); times
+        start at the first step."""
         ...
 
     def during(self, action: Node, entity: str) -> InitialState | None:
-        """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
-        absent.
+        """Return the state of an entity at the start of a story's action; None if the action never
+        starts or the entity is absent.
 
         It is so in a run without a system under test.
         """
         ...
 
     def put(self, action: Node, entity: str) -> Vertex | None:
-        """Return the position to which an action teleports an entity in that run; None if the action never starts."""
+        """Return the position to which an action teleports an entity in that run; None if the
+        action never starts."""
         ...
 
     def direction(self, road: str, lane: int) -> int:
@@ -253,7 +263,8 @@ class RoadGeometry(Protocol):
         actor: str | None = None,
         pose: Pose = (0.0, 0.0, 0.0, 0.0),
     ) -> Sequence[Vertex] | None:
-        """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens.
+        """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on
+        what happens.
 
         Args:
             actor: follower; None leaves out trajectories that begin where their actor is.
@@ -262,7 +273,8 @@ class RoadGeometry(Protocol):
         ...
 
     def way(self, action: Node, entity: str) -> Sequence[Vertex]:
-        """The way along lanes that a routing action leads an entity from its start; empty where it takes that way anyway.
+        """The way along lanes that a routing action leads an entity from its start; empty where it
+        takes that way anyway.
 
         Raises:
             Unsupported: it does not start on a lane, or the way depends on what happens.

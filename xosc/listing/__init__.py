@@ -1,4 +1,5 @@
-"""Contents of a scenario library: scenarios with tags, road, parameters and variations, and the catalogues.
+"""Contents of a scenario library: scenarios with tags, road, parameters and variations, and the
+catalogues.
 
 Modules:
 
@@ -146,7 +147,8 @@ class Listing:
 
 
 def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None = None) -> Listing:
-    """List files, folders and globs. The scenario of a variation file is included; roads are left out.
+    """List files, folders and globs. The scenario of a variation file is included; roads are left
+    out.
 
     Args:
         tell: called with the error of each file that can't be listed, and the others go on; None to

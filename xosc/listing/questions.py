@@ -1,4 +1,5 @@
-"""Questions to rows of catalogues, batches and searches: conditions, order, near-duplicates, similar scenarios.
+"""Questions to rows of catalogues, batches and searches: conditions, order, near-duplicates,
+similar scenarios.
 
 Conditions are parsed here and become expressions of pyarrow: nothing in them is executed.
 """
@@ -58,7 +59,8 @@ def condition(text: str, schema: pa.Schema) -> Question:
 
 
 class _Token(NamedTuple):
-    """Piece of a condition: its kind (`number`, `text`, `name`, `word`, `sign`, `end`), text, and position from 1."""
+    """Piece of a condition: its kind (`number`, `text`, `name`, `word`, `sign`, `end`), text, and
+    position from 1."""
 
     kind: str
     text: str
@@ -251,7 +253,8 @@ def _type_of(schema: pa.Schema, name: str) -> str | None:
 
 
 def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
-    """Return the rows in the order of columns, `-name` for descending; absent values last, equal rows by batch, file and name.
+    """Return the rows in the order of columns, `-name` for descending; absent values last, equal
+    rows by batch, file and name.
 
     Raises:
         UsageError: there is no such column.
@@ -296,7 +299,8 @@ def distance(table: pa.Table, one: dict[str, Any]) -> np.ndarray:
 
 
 def _features(rows: Sequence[dict[str, Any]]) -> np.ndarray:
-    """Values (n, k) in units of their scales, NaN for absent ones; names as numbers that differ by `_LACKING`."""
+    """Values (n, k) in units of their scales, NaN for absent ones; names as numbers that differ by
+    `_LACKING`."""
     import numpy as np
 
     columns = [
@@ -327,7 +331,8 @@ def _distances(features: np.ndarray, one: np.ndarray) -> np.ndarray:
 
 
 def distinct(table: pa.Table) -> pa.Table:
-    """Return the rows without near-duplicates; the column `duplicates` names the ones left out for each.
+    """Return the rows without near-duplicates; the column `duplicates` names the ones left out for
+    each.
 
     A row is a near-duplicate of the first row before it at a distance of `NEAR` or less.
     """
@@ -347,7 +352,8 @@ def distinct(table: pa.Table) -> pa.Table:
 
 
 def similar(index: Index, file: Path) -> pa.Table:
-    """Return the rows by their distance from a scenario, nearest first, with the column `distance`; the scenario is left out.
+    """Return the rows by their distance from a scenario, nearest first, with the column `distance`;
+    the scenario is left out.
 
     Args:
         file: a scenario of this catalogue, or any other with the tags that `xosc-recognize` writes.

@@ -1,4 +1,5 @@
-"""Tables that questions are asked to: catalogues, batches, runs, searches, or several joined; copies of scenarios."""
+"""Tables that questions are asked to: catalogues, batches, runs, searches, or several joined;
+copies of scenarios."""
 
 from __future__ import annotations
 
@@ -79,7 +80,8 @@ class Index(NamedTuple):
 
 
 def table_of(path: str | os.PathLike[str]) -> Path | None:
-    """Return the table of a folder, or a table itself; None for anything else. A run's is that of its batch."""
+    """Return the table of a folder, or a table itself; None for anything else. A run's is that of
+    its batch."""
     folder = Path(path)
     if folder.suffix == ".parquet" and folder.is_file():
         return folder
@@ -121,7 +123,8 @@ def read_index(path: str | os.PathLike[str]) -> Index:
 
 
 def read_all(paths: Sequence[str]) -> Index:
-    """Return the rows of several folders, each with its folder in the column `batch`; errors as of `read_index`.
+    """Return the rows of several folders, each with its folder in the column `batch`; errors as of
+    `read_index`.
 
     Raises:
         UsageError: they are of different kinds.
@@ -228,7 +231,8 @@ FILES = ("file", "maneuver", "openlabel", "road")
 
 
 def copy_scenarios(scenarios: Iterable[Listed], folder: Folder) -> int:
-    """Copy scenarios and their variation files with their roads and catalogues; the number of files.
+    """Copy scenarios and their variation files with their roads and catalogues; the number of
+    files.
 
     Files keep their places relative to each other, so that the copies run.
 
@@ -263,7 +267,8 @@ def _needed(listed: Listed) -> Iterator[Path]:
 
 
 def copy_rows(index: Index, table: pa.Table, folder: Folder) -> int:
-    """Copy the scenarios of some rows with their roads and catalogues, and an index of them; the number of files.
+    """Copy the scenarios of some rows with their roads and catalogues, and an index of them; the
+    number of files.
 
     Files keep their places relative to the index, so that the copies run and can be asked again.
 

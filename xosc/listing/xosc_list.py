@@ -119,7 +119,8 @@ def xosc_list(
     ] = False,
     _version: Version = False,
 ) -> None:
-    """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use.
+    """List scenarios: class, road, parameters with their limits, variations; and the catalogues
+    that they use.
 
     --where, --sort and --columns ask folders of batches, runs, searches and catalogues, several of
     one kind joined; --distinct and --like compare scenarios of catalogues. Parameters are columns.

@@ -1,4 +1,5 @@
-"""Resolving a document: every attribute a literal, every catalogue reference replaced by what it stands for.
+"""Resolving a document: every attribute a literal, every catalogue reference replaced by what it
+stands for.
 
 Modules:
 
@@ -55,7 +56,8 @@ if TYPE_CHECKING:
 Argument = str | float | int | bool
 
 CLOCK = 1e6
-"""Time (s) beyond which a time of a trajectory is that of a clock, such as UNIX seconds: 11.6 days"""
+"""Time (s) beyond which a time of a trajectory is that of a clock, such as UNIX seconds: 11.6 days
+"""
 MAX_INLINED = 200_000
 """Most elements that catalogue entries may add to a document."""
 MAX_NESTING = 32
@@ -103,7 +105,8 @@ class Resolved(Document):
 
     @cached_property
     def first_clock_time(self) -> float:
-        """Least time (s) beyond `CLOCK` that a trajectory of the scenario has; 0 where there is none."""
+        """Least time (s) beyond `CLOCK` that a trajectory of the scenario has; 0 where there is
+        none."""
         parts = self.node.iter("Vertex", "ControlPoint", "Clothoid", "ClothoidSplineSegment")
         names = ("time", "startTime", "timeStart")
         times = (part.finite(name) for part in parts for name in names if part.has(name))
@@ -217,7 +220,8 @@ def _bind(
     report: _Report,
     remarks: Remarks,
 ) -> _Scopes:
-    """Make every attribute of the elements of one file a literal, in place; the result has a scope for `top` at least."""
+    """Make every attribute of the elements of one file a literal, in place; the result has a scope
+    for `top` at least."""
     scopes = {top.element: _declare(top, outer, assigned, report, remarks)}
     for declarations in list(top.element.iter("ParameterDeclarations")):
         owner = declarations.getparent()
@@ -298,7 +302,8 @@ class _Inliner:
         self._elements = 0
 
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[CatalogEntry, ...]) -> None:
-        """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
+        """Replace the references below `top`, which lies inside those entries and whose attributes
+        are literals."""
         references = [
             (element, _scope_around(element, scopes)) for element in top.element.iter(*REFERENCES)
         ]
@@ -313,7 +318,8 @@ class _Inliner:
                 parent.replace(element, self._entry(reference, scope, inside))
 
     def _find(self, reference: Node) -> CatalogEntry | None:
-        """The entry that is referred to; None for a controller, which is not executed, that is not there."""
+        """The entry that is referred to; None for a controller, which is not executed, that is not
+        there."""
         holder = reference.parent
         assert holder is not None, "references are below the top element"
         catalog = reference.get("catalogName")

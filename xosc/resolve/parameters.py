@@ -213,7 +213,8 @@ class ParameterScope:
         return found if isinstance(found, str) else expression_literal(found)
 
     def _together(self, text: str) -> Any:
-        """Values of an expression in all parameter sets, evaluated at once; None where that is not plain arithmetic.
+        """Values of an expression in all parameter sets, evaluated at once; None where that is not
+        plain arithmetic.
 
         What is refused in one of the sets is left to the evaluation of each.
         """
@@ -297,7 +298,8 @@ class ParameterScope:
         self._remarks.add(assignment.remark(rule, f"{fault}; {assumption}"))
 
     def _holds(self, parameter: ParameterDeclaration, constraint: Node) -> bool:
-        """Whether one ValueConstraint holds; many sets for which it does not hold as for the first are another structure."""
+        """Whether one ValueConstraint holds; many sets for which it does not hold as for the first
+        are another structure."""
         try:
             text = self.literal(constraint.get("value"))
             if parameter.column is not None or text.startswith(MARK):
@@ -311,7 +313,8 @@ class ParameterScope:
 
 
 def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
-    """Whether a constraint with numbers that vary holds for the first set, and those that are alike."""
+    """Whether a constraint with numbers that vary holds for the first set, and those that are
+    alike."""
     from schemas.expressions.columns import current
 
     columns = current()
@@ -325,7 +328,8 @@ def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
 def _in_many_sets(
     name: str, kind: str, text: str, column: NumberColumn | None
 ) -> ParameterDeclaration:
-    """A parameter whose value varies between sets; one that is no double makes another structure of each value."""
+    """A parameter whose value varies between sets; one that is no double makes another structure of
+    each value."""
     from schemas.expressions.columns import current
 
     values = current().of(text) if column is None else column
@@ -337,7 +341,8 @@ def _in_many_sets(
 
 
 def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
-    """The attribute `value` of an element as a value of a type; other spellings are read with a remark.
+    """The attribute `value` of an element as a value of a type; other spellings are read with a
+    remark.
 
     Args:
         rule: uid of the rule that another spelling breaks.
@@ -388,7 +393,8 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
 
 
 def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
-    """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are literals."""
+    """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are
+    literals."""
     return {name: declaration.bool("value") for name, declaration in _by_name(declarations).items()}
 
 
@@ -437,7 +443,8 @@ def _described(group: Node) -> str:
     return " and ".join(f"{item.get('rule')} {item.get('value')}" for item in group.children())
 
 
-# expressions that others write: texts put together in `${}`, for which the standard has no operator, and names without `$` ---
+# expressions that others write: texts put together in `${}`, for which the standard has no
+# operator, and names without `$` ---
 
 _OPERAND = r"(?:\$[A-Za-z_]\w*|'[^']*')"
 _SUM = re.compile(rf"\$\{{\s*{_OPERAND}(?:\s*\+\s*{_OPERAND})*\s*\}}", re.ASCII)
@@ -446,7 +453,8 @@ _NAME = re.compile(r"(?<![\w$.'])[A-Za-z_]\w*\b(?!\s*\()", re.ASCII)
 
 
 def _parts(text: str) -> list[str]:
-    """The texts, references and expressions that a value is put together of; empty for anything else.
+    """The texts, references and expressions that a value is put together of; empty for anything
+    else.
 
     These are sums of parameters and quoted texts (`${$town + '_day'}`), and expressions with text
     between them (`${$town}_${$hour}`).
@@ -458,7 +466,8 @@ def _parts(text: str) -> list[str]:
 
 
 def _referring(text: str, names: Container[str]) -> str:
-    """A value with `$` before the names in its expressions, of those given: parameters that are meant."""
+    """A value with `$` before the names in its expressions, of those given: parameters that are
+    meant."""
 
     def named(expression: re.Match[str]) -> str:
         return _NAME.sub(lambda name: f"${name[0]}" if name[0] in names else name[0], expression[0])

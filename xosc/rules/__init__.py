@@ -1,4 +1,5 @@
-"""Rules of `xosc-check` for OpenSCENARIO by family: a function each, entered under its uid by `schemas.checks.registry.rule`.
+"""Rules of `xosc-check` for OpenSCENARIO by family: a function each, entered under its uid by
+`schemas.checks.registry.rule`.
 
 Modules:
 

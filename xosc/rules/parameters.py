@@ -1,4 +1,5 @@
-"""Parameters, variables and monitors are declared once, and where they are used; distributions vary declared parameters."""
+"""Parameters, variables and monitors are declared once, and where they are used; distributions vary
+declared parameters."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ UNIQUE_DECLARATIONS_UID = "xosc.toolchain:xosc:1.0.0:parameters.declarations_are
 
 @rule(UNIQUE_DECLARATIONS_UID, kinds=("scenario", "catalog"))
 def declarations_are_unique(document: CheckedDocument) -> Iterator[Finding]:
-    """A parameter, variable or monitor must not be declared twice and differently in the same place."""
+    """A parameter, variable or monitor must not be declared twice and differently in the same
+    place."""
     for declarations in document.elements(
         "ParameterDeclarations", "VariableDeclarations", "MonitorDeclarations"
     ):
@@ -48,7 +50,8 @@ def declarations_are_unique(document: CheckedDocument) -> Iterator[Finding]:
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))
 def definitions_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
-    """The default value of a parameter must not depend on the parameter itself, directly or through others."""
+    """The default value of a parameter must not depend on the parameter itself, directly or through
+    others."""
     uses = {
         declaration: _parameters_in(document, declaration)
         for declaration in document.elements("ParameterDeclaration")
@@ -73,7 +76,8 @@ def _parameters_in(document: CheckedDocument, declaration: etree._Element) -> li
     kinds=("scenario",),
 )
 def parameter_reference_is_declared(document: CheckedDocument) -> Iterator[Finding]:
-    """The parameterRef of a condition or an action must name a parameter declared for the whole scenario."""
+    """The parameterRef of a condition or an action must name a parameter declared for the whole
+    scenario."""
     for tag in ("ParameterCondition", "ParameterAction"):
         for element in document.elements(tag):
             name = document.value(element, "parameterRef")
@@ -218,7 +222,8 @@ _WEIGHTS = (
     since=(1, 1),
 )
 def ranges_and_weights_are_well_formed(document: CheckedDocument) -> Iterator[Finding]:
-    """Limits of ranges must ascend, step widths be positive, and weights, variances and expected counts not negative."""
+    """Limits of ranges must ascend, step widths be positive, and weights, variances and expected
+    counts not negative."""
     for element in document.elements("Range"):
         lower, upper = (
             document.number(element, "lowerLimit"),

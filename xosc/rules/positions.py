@@ -1,4 +1,5 @@
-"""Positions are on roads and lanes that exist; trajectories have the times and knots that they need."""
+"""Positions are on roads and lanes that exist; trajectories have the times and knots that they
+need."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ LANE_UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
 
 @rule(LANE_UID, kinds=("scenario",))
 def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may write it as -2.0.
+    """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may
+    write it as -2.0.
 
     Where roads have temporary lanes it is one of these, unless the position names the permanent
     layer.
@@ -129,7 +131,8 @@ _TIMES = {
 
 @rule(TIMING_UID)
 def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
-    """A trajectory that is followed with a timing reference shall have a time at each vertex, control point and clothoid."""
+    """A trajectory that is followed with a timing reference shall have a time at each vertex,
+    control point and clothoid."""
     for action in document.elements("FollowTrajectoryAction"):
         if action.find("TimeReference/Timing") is None:
             continue
@@ -153,7 +156,8 @@ def motion_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
 
 @rule("xosc.toolchain:xosc:1.0.0:routing.nurbs_knots_fit_order")
 def nurbs_knots_fit_order(document: CheckedDocument) -> Iterator[Finding]:
-    """A Nurbs must have at least as many control points as its order, and one knot for each point and each order, ascending."""
+    """A Nurbs must have at least as many control points as its order, and one knot for each point
+    and each order, ascending."""
     for element in document.elements("Nurbs"):
         order = document.number(element, "order")
         points, knots = len(element.findall("ControlPoint")), element.findall("Knot")

@@ -1,4 +1,5 @@
-"""Entities, controllers, traffic signals, catalogues and other files that are referred to exist; actions have actors."""
+"""Entities, controllers, traffic signals, catalogues and other files that are referred to exist;
+actions have actors."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ _HOLDERS = {"ObjectController", "AssignControllerAction"}
 
 @rule(CONTROLLER_UID, kinds=("scenario",))
 def controller_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """A controllerRef must name a controller that an entity has or is assigned, itself or by a catalogue entry."""
+    """A controllerRef must name a controller that an entity has or is assigned, itself or by a
+    catalogue entry."""
     controllers = document.names("ObjectController", "Controller") | {
         entry
         for element, _, entry in document.values("entryName")
@@ -141,7 +143,8 @@ def _placed(document: CheckedDocument) -> Iterator[str | None]:
 
 
 def _places(document: CheckedDocument, element: etree._Element) -> bool:
-    """Whether an element, or a maneuver of a catalogue in it, has an action that puts an entity somewhere."""
+    """Whether an element, or a maneuver of a catalogue in it, has an action that puts an entity
+    somewhere."""
     entries = [
         document.resolvable_entry(reference)
         for reference in element.iterchildren("CatalogReference")
@@ -155,7 +158,8 @@ ACTORS_UID = "asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_pri
 
 @rule(ACTORS_UID, kinds=("scenario",))
 def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
-    """A ManeuverGroup with private actions must have actors, named or selected as the triggering entities."""
+    """A ManeuverGroup with private actions must have actors, named or selected as the triggering
+    entities."""
     for group in document.elements("ManeuverGroup"):
         actors = group.find("Actors")
         if (
@@ -183,7 +187,8 @@ KEPT_LANE_OFFSET_UID = "xosc.toolchain:xosc:1.0.0:actions.kept_lane_offset_is_fr
 
 @rule(KEPT_LANE_OFFSET_UID, kinds=("scenario",))
 def kept_lane_offset_is_from_another_entity(document: CheckedDocument) -> Iterator[Finding]:
-    """A continuous LaneOffsetAction must not keep an offset from its own actor's: that would run away."""
+    """A continuous LaneOffsetAction must not keep an offset from its own actor's: that would run
+    away."""
     for action in document.elements("LaneOffsetAction"):
         target = action.find("LaneOffsetTarget/RelativeTargetLaneOffset")
         if (
@@ -202,7 +207,8 @@ OTHER_ENTITY_UID = "xosc.toolchain:xosc:1.0.0:reference_control.relation_is_to_a
 
 @rule(OTHER_ENTITY_UID, kinds=("scenario",), level="warning")
 def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding]:
-    """A condition must not compare an entity with itself, and a lane change must not lead into its actor's own lane.
+    """A condition must not compare an entity with itself, and a lane change must not lead into its
+    actor's own lane.
 
     Such a condition has the same value at all times, and such a lane change does nothing.
     """
@@ -246,7 +252,8 @@ SIGNAL_UID = "asam.net:xosc:1.0.0:reference_control.traffic_signal_state_referen
 
 @rule(SIGNAL_UID, kinds=("scenario",))
 def signal_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """The signals of a TrafficSignalState and of a TrafficSignalCondition must exist in the road network."""
+    """The signals of a TrafficSignalState and of a TrafficSignalCondition must exist in the road
+    network."""
     yield from _unknown_signals(document, "TrafficSignalState", "trafficSignalId")
     yield from _unknown_signals(document, "TrafficSignalCondition", "name")
 
@@ -276,7 +283,8 @@ def _unknown_signals(document: CheckedDocument, tag: str, attribute: str) -> Ite
     kinds=("scenario",),
 )
 def signal_controller_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's RoadNetwork."""
+    """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's
+    RoadNetwork."""
     controllers = document.names("TrafficSignalController")
     return unresolved(
         document, "traffic signal controller", controllers, "trafficSignalControllerRef"
@@ -288,7 +296,8 @@ def signal_controller_exists(document: CheckedDocument) -> Iterator[Finding]:
     kinds=("scenario",),
 )
 def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Finding]:
-    """The reference of a TrafficSignalController shall name another TrafficSignalController, and not lead back to itself."""
+    """The reference of a TrafficSignalController shall name another TrafficSignalController, and
+    not lead back to itself."""
     controllers = {
         document.value(controller, "name"): controller
         for controller in document.elements("TrafficSignalController")
@@ -311,7 +320,8 @@ def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Fi
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_phase_reference", kinds=("scenario",))
 def phase_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """The phase of an action or a condition on a traffic signal controller must be one of that controller's phases."""
+    """The phase of an action or a condition on a traffic signal controller must be one of that
+    controller's phases."""
     phases = {
         document.value(controller, "name"): {
             document.value(phase, "name") or "" for phase in controller.iter("Phase")
@@ -375,7 +385,8 @@ def catalog_entry_exists(document: CheckedDocument) -> Iterator[Finding]:
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared", kinds=("scenario",))
 def assigned_parameter_is_declared(document: CheckedDocument) -> Iterator[Finding]:
-    """A ParameterAssignment of a CatalogReference must name a parameter that the catalogue entry declares."""
+    """A ParameterAssignment of a CatalogReference must name a parameter that the catalogue entry
+    declares."""
     for reference in document.elements(*REFERENCES):
         entry = document.resolvable_entry(reference)
         if entry is None:
@@ -399,7 +410,8 @@ _LEVELS = {
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference")
 def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """A file that is referred to must exist, relative to the referring file; a road network may be in a folder asked for.
+    """A file that is referred to must exist, relative to the referring file; a road network may be
+    in a folder asked for.
 
     Models for graphics and animations are only warned about, since a run can do without them; so
     are absolute paths, which may exist on the machine that they are meant for.

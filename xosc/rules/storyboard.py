@@ -1,4 +1,5 @@
-"""Elements of the storyboard hold what they are there for, conditions can become true and watch elements that exist."""
+"""Elements of the storyboard hold what they are there for, conditions can become true and watch
+elements that exist."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ CHOICES = (
 
 @rule(EMPTY_ELEMENTS_UID)
 def elements_are_not_empty(document: CheckedDocument) -> Iterator[Finding]:
-    """A story, act, maneuver group, maneuver, event, action, condition group or collision condition must not be empty.
+    """A story, act, maneuver group, maneuver, event, action, condition group or collision condition
+    must not be empty.
 
     A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3
     allow an action without content.
@@ -49,7 +51,8 @@ def elements_are_not_empty(document: CheckedDocument) -> Iterator[Finding]:
 
 
 def lacking(element: etree._Element) -> str:
-    """Return the missing content of an element that is empty by this rule; "" if nothing is missing."""
+    """Return the missing content of an element that is empty by this rule; "" if nothing is
+    missing."""
     parts = _PARTS.get(local_name(element), ())
     inside = [local_name(child) for child in element.iterchildren(etree.Element)]
     if parts and not any(name in parts for name in inside):
@@ -73,7 +76,8 @@ _WATCHED_TAGS = set(_WATCHED.values())
     kinds=("scenario",),
 )
 def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
-    """A storyboardElementRef must name exactly one element of the given type, enclosing ones before it (`act::event`)."""
+    """A storyboardElementRef must name exactly one element of the given type, enclosing ones before
+    it (`act::event`)."""
     known: dict[str, list[tuple[str, ...]]] = {tag: [] for tag in _WATCHED_TAGS}
     for storyboard in document.elements("Storyboard"):
         for tag, chain in _walk(document, document, storyboard, ()):
@@ -100,7 +104,8 @@ def _walk(
     parent: etree._Element,
     chain: tuple[str, ...],
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Element name and chain of names of the storyboard elements below one, those from catalogues included."""
+    """Element name and chain of names of the storyboard elements below one, those from catalogues
+    included."""
     for child in parent.iterchildren(etree.Element):
         tag = local_name(child)
         if (
@@ -143,7 +148,8 @@ _EDGES = ("rising", "falling", "risingOrFalling")
     kinds=("scenario",),
 )
 def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
-    """A condition should be able to become true, and must not be constant where it waits for an edge.
+    """A condition should be able to become true, and must not be constant where it waits for an
+    edge.
 
     Parameters count with their default values; that one is false by default is for the record,
     since it may be varied.

@@ -1,4 +1,5 @@
-"""Values are of their type and obey their constraints; expressions have a value; durations and distances are not negative."""
+"""Values are of their type and obey their constraints; expressions have a value; durations and
+distances are not negative."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ _REFERENCES = {"Parameter": "parameterRef", "Variable": "variableRef"}
 
 @rule(DECLARED_TYPE_UID, kinds=("scenario", "distribution"))
 def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding]:
-    """A value that a parameter or variable is compared with, or set to, must be of its declared type."""
+    """A value that a parameter or variable is compared with, or set to, must be of its declared
+    type."""
     yield from _distributed(document)
     for family, attribute in _REFERENCES.items():
         declared = {
@@ -116,7 +118,8 @@ def _distributed(document: CheckedDocument) -> Iterator[Finding]:
     since=(1, 1),
 )
 def default_obeys_constraints(document: CheckedDocument) -> Iterator[Finding]:
-    """The default value of a parameter must satisfy all constraints of at least one of its constraint groups."""
+    """The default value of a parameter must satisfy all constraints of at least one of its
+    constraint groups."""
     for declaration in document.elements("ParameterDeclaration"):
         groups = declaration.findall("ConstraintGroup")
         value = document.value(declaration, "value")
@@ -145,7 +148,8 @@ def _is_typed(document: CheckedDocument, declaration: etree._Element, value: str
 def _broken(
     document: CheckedDocument, declaration: etree._Element, value: str, group: etree._Element
 ) -> str | None:
-    """The first constraint of a group that a value breaks, in words; None where it satisfies all that can be decided.
+    """The first constraint of a group that a value breaks, in words; None where it satisfies all
+    that can be decided.
 
     Raises:
         ValueError: a constraint cannot be compared with values of the declared type.
@@ -175,7 +179,8 @@ def satisfies(
 
 @rule("asam.net:xosc:1.2.0:data_type.allowed_operators", kinds=("scenario", "catalog"))
 def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Finding]:
-    """Expressions must be well-formed and use only the operators and functions that the file's version of the standard has.
+    """Expressions must be well-formed and use only the operators and functions that the file's
+    version of the standard has.
 
     OpenSCENARIO 1.0 has no expressions. Functions that came later than the file's version are
     warnings: tools know them.
@@ -209,7 +214,8 @@ def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Find
     since=(1, 1),
 )
 def expression_has_a_value(document: CheckedDocument) -> Iterator[Finding]:
-    """An expression must have a value with the parameters' defaults: no division by zero, no text in a sum, no overflow.
+    """An expression must have a value with the parameters' defaults: no division by zero, no text
+    in a sum, no overflow.
 
     Malformed expressions, undeclared parameters and defaults of the wrong type are the business of
     other rules.
@@ -270,7 +276,8 @@ _DISTANCES = (
 
 @rule("asam.net:xosc:1.1.0:data_type.distances_are_not_negative", since=(1, 1))
 def distances_are_not_negative(document: CheckedDocument) -> Iterator[Finding]:
-    """Distances of actions and conditions shall be non-negative; directions are said by other attributes."""
+    """Distances of actions and conditions shall be non-negative; directions are said by other
+    attributes."""
     return negative(document, _DISTANCES)
 
 
@@ -290,7 +297,8 @@ def light_transition_time_is_not_negative(document: CheckedDocument) -> Iterator
 
 @rule("xosc.toolchain:xosc:1.0.0:data_type.transition_value_is_not_negative", level="warning")
 def transition_value_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
-    """The value of TransitionDynamics, a time, a distance or a rate by its dimension, must be non-negative.
+    """The value of TransitionDynamics, a time, a distance or a rate by its dimension, must be
+    non-negative.
 
     A warning: players commonly take the magnitude of a negative rate.
     """

@@ -38,7 +38,8 @@ def new_document(
     parts: Sequence[etree._Element],
     version: Version = (1, 3),
 ) -> Document:
-    """A document that holds `parts`, as they stand in 1.3, after its FileHeader. It is not written yet: see `xosc.write`.
+    """A document that holds `parts`, as they stand in 1.3, after its FileHeader. It is not written
+    yet: see `xosc.write`.
 
     Args:
         path: the file that it is to become; file references in it are relative to that.

@@ -1,4 +1,5 @@
-"""Tags of scenarios: ASAM OpenLABEL as JSON beside the file, and the same as Properties of its FileHeader.
+"""Tags of scenarios: ASAM OpenLABEL as JSON beside the file, and the same as Properties of its
+FileHeader.
 
 Source: ASAM OpenLABEL 1.0.0, chapter 8 (scenario tagging). A tag is a class of an ontology, with or
 without a value; a class is used once for a file. What ASAM's ontology has no class for comes from
@@ -104,7 +105,8 @@ def read(path: str | PathLike[str]) -> list[Tag]:
 
 
 def tags_of(scenario: str | PathLike[str]) -> list[Tag]:
-    """The tags of a scenario: those of the OpenLABEL file beside it, or else those among the properties of its FileHeader.
+    """The tags of a scenario: those of the OpenLABEL file beside it, or else those among the
+    properties of its FileHeader.
 
     Properties are texts and name no ontology: such tags have the text as value (none for `true`)
     and this project's ontology.
@@ -132,7 +134,8 @@ def properties(tags: Sequence[Tag]) -> dict[str, str]:
 
 
 def annotated(document: Document, tags: Sequence[Tag]) -> Document:
-    """A copy of a document whose FileHeader has these tags, and none that it had before; other properties stay.
+    """A copy of a document whose FileHeader has these tags, and none that it had before; other
+    properties stay.
 
     Raises:
         Unsupported: its version (before 1.2) has no properties in the FileHeader.

@@ -217,13 +217,15 @@ LEFT_OPEN = {
     "LaneChangeActionDynamics": ("followingMode", "follow"),
     "AccelerationCondition": ("direction", "longitudinal"),
 }
-"""Attributes by tag that there are since `SAID_SINCE`, and what is meant before. Where it is left out later, that means
+"""Attributes by tag that there are since `SAID_SINCE`, and what is meant before. Where it is left
+out later, that means
 something else: the default `position`, the total acceleration."""
 SAID_SINCE: Version = (1, 2)
 
 
 def say_left_open(element: etree._Element) -> None:
-    """Say what an element of `LEFT_OPEN` of an older version means, so that it means the same from `SAID_SINCE` on."""
+    """Say what an element of `LEFT_OPEN` of an older version means, so that it means the same from
+    `SAID_SINCE` on."""
     attribute, value = LEFT_OPEN[str(element.tag)]
     if attribute not in element.attrib:
         element.set(attribute, value)
@@ -268,7 +270,8 @@ def _never() -> etree._Element:
 
 
 def _at_once() -> etree._Element:
-    """A start trigger that always holds, which is what the absence of one means; its rule exists in all versions."""
+    """A start trigger that always holds, which is what the absence of one means; its rule exists in
+    all versions."""
     trigger = etree.Element("StartTrigger")
     condition = etree.SubElement(etree.SubElement(trigger, "ConditionGroup"), "Condition")
     condition.attrib.update({"name": "at once", "delay": "0", "conditionEdge": "none"})
@@ -278,7 +281,8 @@ def _at_once() -> etree._Element:
 
 
 def _straight_line(element: etree._Element) -> None:
-    """`alongRoute="false"` of 1.0 is the Euclidean distance, the same in all coordinate systems, which 1.1 assumes by default."""
+    """`alongRoute="false"` of 1.0 is the Euclidean distance, the same in all coordinate systems,
+    which 1.1 assumes by default."""
     kind = element.get("relativeDistanceType", _STRAIGHT)
     if (
         "alongRoute" not in element.attrib
@@ -303,7 +307,8 @@ def _unwrapped(wrapper: str, only: str = "") -> Change:
 
 
 def _split_controller_action(element: etree._Element) -> None:
-    """One ControllerAction could assign, override and activate; since 1.3 each is a ControllerAction of its own."""
+    """One ControllerAction could assign, override and activate; since 1.3 each is a
+    ControllerAction of its own."""
     for child in list(element.iterchildren(etree.Element))[:0:-1]:
         holder = _holder(element)
         twin = etree.Element(holder.tag)
@@ -315,7 +320,8 @@ def _split_controller_action(element: etree._Element) -> None:
 
 
 def _merge_controller_actions(element: etree._Element) -> None:
-    """In 1.0 a ControllerAction both assigns and overrides, so two that follow each other become one."""
+    """In 1.0 a ControllerAction both assigns and overrides, so two that follow each other become
+    one."""
     holder = _holder(element)
     twin = holder.getnext()
     other = (
@@ -346,7 +352,8 @@ def _twin_name(holder: etree._Element, child: etree._Element) -> str:
 
 
 def _holder(controller_action: etree._Element) -> etree._Element:
-    """The repeatable element around a ControllerAction: the Action of an event, the PrivateAction of an Init."""
+    """The repeatable element around a ControllerAction: the Action of an event, the PrivateAction
+    of an Init."""
     private = _parent(controller_action)
     action = private.getparent()
     return action if action is not None and action.tag == "Action" else private
@@ -365,7 +372,8 @@ def _without_white_space(element: etree._Element) -> None:
         child.tail = (child.tail or "").strip() or None
 
 
-# what the versions say differently, in the order of the steps up -----------------------------------
+# what the versions say differently, in the order of the steps up
+# -----------------------------------
 
 _STRAIGHT = "euclidianDistance"
 _ALONG_ROUTE = ("DistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition")
@@ -468,7 +476,8 @@ _OFF_ROADS = ("aircraft", "watercraft")
 
 
 def with_recent(table: Mapping[str, T]) -> dict[str, T]:
-    """A table by vehicle category, with rows for road vehicles of 1.4 that it lacks: those of the nearest earlier category."""
+    """A table by vehicle category, with rows for road vehicles of 1.4 that it lacks: those of the
+    nearest earlier category."""
     nearest = {
         new: table[old]
         for new, old in EARLIER_CATEGORY.items()

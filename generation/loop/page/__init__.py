@@ -1,4 +1,5 @@
-"""The page of a loop: what was recognised, generated, checked and run, with all of it to open and to play."""
+"""The page of a loop: what was recognised, generated, checked and run, with all of it to open and
+to play."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ Json = dict[str, Any]
 
 
 def write(found: LoopResult, out: Path) -> Path:
-    """Write the page into the output folder; links in it are relative to it. The same findings give the same bytes."""
+    """Write the page into the output folder; links in it are relative to it. The same findings give
+    the same bytes."""
     path = out / PAGE
     begin = "recordings" if found.recordings else "scenarios"
     write_page(
@@ -83,7 +85,8 @@ def _data(found: LoopResult, out: Path) -> Json:
 
 
 def _classes(rows: list[Json], found: LoopResult) -> list[Json]:
-    """The classes of a catalogue, the most frequent first, with the scenarios of each that are shown."""
+    """The classes of a catalogue, the most frequent first, with the scenarios of each that are
+    shown."""
     counts = found.recognised.classes
     shown: dict[str, list[Json]] = {}
     for row in chosen(rows, int(found.settings["shown"])):
@@ -166,7 +169,8 @@ def _case(case: EdgeCase, of: Round) -> Json:
 
 
 def _add_previews(cases: list[tuple[str, Json]], out: Path) -> None:
-    """Add moving pictures of collisions that a careful driver would have avoided, the first of each kind first.
+    """Add moving pictures of collisions that a careful driver would have avoided, the first of each
+    kind first.
 
     A kind is a search and the participant that was touched. `turn` is the place of a case among
     those of its kind.

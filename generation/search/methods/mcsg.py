@@ -1,4 +1,5 @@
-"""MCSG: reinforcement learning of edits that make real scenarios critical and leave them plausible, from coarse to fine."""
+"""MCSG: reinforcement learning of edits that make real scenarios critical and leave them plausible,
+from coarse to fine."""
 
 from __future__ import annotations
 
@@ -114,7 +115,8 @@ class Edits:
         return self.step == self.theta.shape[1]
 
     def observe(self) -> NDArray[np.float32]:
-        """States (n, 2d): θ in the unit cube, and 1 at the place of the parameter that is edited next, if any."""
+        """States (n, 2d): θ in the unit cube, and 1 at the place of the parameter that is edited
+        next, if any."""
         n, d = self.theta.shape
         turn = np.zeros((n, d))
         turn[:, self.step : self.step + 1] = 1.0
@@ -183,7 +185,8 @@ class Policy(nn.Module):
         )
 
     def forward(self, step: int, observation: Tensor, state: State | None) -> tuple[Tensor, State]:
-        """Logits (n, bins) of a parameter's edit, and what is remembered, given the observation (n, 2d)."""
+        """Logits (n, bins) of a parameter's edit, and what is remembered, given the observation (n,
+        2d)."""
         features, state = self.lstm(observation[None], state)
         return features[0] @ self.weight[step].T + self.bias[step], state
 
@@ -206,7 +209,8 @@ _TOP = 0.1
 
 
 class Learner:
-    """Proposes edited scenarios and learns from the rewards of the last ones; asked and answered in turns.
+    """Proposes edited scenarios and learns from the rewards of the last ones; asked and answered in
+    turns.
 
     Args:
         space: the box of θ.
@@ -234,8 +238,8 @@ class Learner:
         return edits.theta
 
     def learn(self, rewards: FloatArray) -> None:
-        """One step of REINFORCE (R. J. Williams, Machine Learning 8, 1992) with standardised advantages, by the rewards (n,) of
-        what was proposed last."""
+        """One step of REINFORCE (R. J. Williams, Machine Learning 8, 1992) with standardised
+        advantages, by the rewards (n,) of what was proposed last."""
         self._rewards.append(rewards)
         advantage = torch.from_numpy(self._baseline.advantage(rewards)).float()
         # Gradient ascent on the expected reward: E[A ∇ log π], by automatic differentiation of this
@@ -297,7 +301,8 @@ class _Baseline:
         self._momentum, self._mean = momentum, np.nan
 
     def advantage(self, rewards: FloatArray) -> FloatArray:
-        """Rewards (n,) above the average of those before, in units of their deviation from it; the average moves on."""
+        """Rewards (n,) above the average of those before, in units of their deviation from it; the
+        average moves on."""
         mean = float(rewards.mean())
         # The first batch has none before it: it is compared with its own mean.
         before = mean if np.isnan(self._mean) else self._mean
@@ -381,7 +386,8 @@ def mcsg(
     edits: Callable[[Space, FloatArray], Moves] = coordinated,
     starts: Callable[[SearchProblem, McsgSettings], Starts] = EliteStarts,
 ) -> History:
-    """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and these with Gaussian noise.
+    """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and
+    these with Gaussian noise.
 
     The state is carried on: once there are as many episodes as in a batch, the next ones start from
     the elite of all, so that critical scenarios are edited further instead of being found anew.

@@ -1,4 +1,5 @@
-"""Density of parameters: interface of all models, whitening, cross-validation folds, sums of Gaussians."""
+"""Density of parameters: interface of all models, whitening, cross-validation folds, sums of
+Gaussians."""
 
 from __future__ import annotations
 
@@ -80,7 +81,8 @@ class Components:
         )
 
     def given(self, columns: Sequence[int], values: FloatArray) -> Components:
-        """The density of the other columns where some have these values (c,): each component counts by its density there.
+        """The density of the other columns where some have these values (c,): each component counts
+        by its density there.
 
         C. M. Bishop, Pattern Recognition and Machine Learning, 2006, §2.3.1.
         """
@@ -148,12 +150,14 @@ class Density(ABC):
         """Draws (n, d)."""
 
     def again(self, rows: int) -> Self:
-        """A model to be fitted on a part of the samples, of so many rows; what takes long to choose was chosen on all of them."""
+        """A model to be fitted on a part of the samples, of so many rows; what takes long to choose
+        was chosen on all of them."""
         return copy(self)
 
     @property
     def gaussians(self) -> Components | None:
-        """The sum of Gaussians that it is after `fit`, which can be conditioned; None where it is none."""
+        """The sum of Gaussians that it is after `fit`, which can be conditioned; None where it is
+        none."""
         return None
 
 
@@ -242,7 +246,8 @@ def samples(theta: ArrayLike) -> FloatArray:
 
 
 def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[IntArray, IntArray]]:
-    """Rows to fit and rows to test, so that every row is tested once, and never beside a fitted row of its own group.
+    """Rows to fit and rows to test, so that every row is tested once, and never beside a fitted row
+    of its own group.
 
     Groups are dealt out by their size to the fold that has fewest rows; there are no more folds
     than groups.

@@ -1,4 +1,5 @@
-"""Stated densities of single parameters (ranges, distributions of OpenSCENARIO), and the prior they make."""
+"""Stated densities of single parameters (ranges, distributions of OpenSCENARIO), and the prior they
+make."""
 
 from __future__ import annotations
 
@@ -127,7 +128,8 @@ class Continuous:
 
 @dataclass(frozen=True)
 class Choices:
-    """Some values with their weights; a density in that each value has the cell of what is nearest to it."""
+    """Some values with their weights; a density in that each value has the cell of what is nearest
+    to it."""
 
     choices: tuple[float, ...]
     weights: tuple[float, ...]
@@ -437,7 +439,8 @@ class JointPrior(Prior):
         return np.where(self.possible(theta), found, -np.inf)
 
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is done alone: (n,)."""
+        """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is
+        done alone: (n,)."""
         judges = *self._parts, *self._alone
         return self.possible(theta) & np.all(
             [judge.foreseeable(self._columns(judge, theta)) for judge in judges], axis=0

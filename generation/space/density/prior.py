@@ -1,4 +1,5 @@
-"""Prior p(θ | c) of traffic given pinned values, fitted on recordings, and the limits of foreseeable points (METHOD §6)."""
+"""Prior p(θ | c) of traffic given pinned values, fitted on recordings, and the limits of
+foreseeable points (METHOD §6)."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
 
 
 def _once(work: _Work[_Found]) -> _Work[_Found]:
-    """The same model of the same rows is asked for by every round of a loop and by the tables of a report: work it out once."""
+    """The same model of the same rows is asked for by every round of a loop and by the tables of a
+    report: work it out once."""
     found: dict[Hashable, _Found] = {}
 
     @wraps(work)
@@ -41,13 +43,15 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
 
 @_once
 def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
-    """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be fitted anew."""
+    """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be
+    fitted anew."""
     return model(name).fit(theta, recordings)
 
 
 @_once
 def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArray:
-    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
+    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings
+    (n,); read-only."""
     # A model that was fitted on a row finds it likelier than any new one: each is judged by others.
     found = np.empty(len(theta))
     for density, tested in others(name, theta, recordings):
@@ -60,7 +64,8 @@ def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArr
 def others(
     name: str, theta: FloatArray, recordings: NDArray[Any]
 ) -> list[tuple[Density, IntArray]]:
-    """Models fitted on parts of the recordings, each with the rows of the others; every row is in one of them.
+    """Models fitted on parts of the recordings, each with the rows of the others; every row is in
+    one of them.
 
     What takes long to choose, as how many components a mixture has, is that of the model of all
     recordings (`Density.again`).
@@ -73,13 +78,15 @@ def others(
 
 
 FORESEEABLE = 0.01
-"""Share of what is recorded (or, without recordings, stated) that is less likely than what counts as foreseeable."""
+"""Share of what is recorded (or, without recordings, stated) that is less likely than what counts
+as foreseeable."""
 _TRIES = 200
 """Times that draws are made before it is given up."""
 
 
 class Prior(ABC):
-    """A density of the parameters that a search chooses, under the condition of those that are pinned.
+    """A density of the parameters that a search chooses, under the condition of those that are
+    pinned.
 
     Columns are those of a space, in its order. Some may be nuisances: when a scene begins and ends.
     They are no part of the density, a search is not rewarded for them, and cases that differ in
@@ -122,7 +129,8 @@ class Prior(ABC):
 
     @abstractmethod
     def log_density(self, theta: FloatArray) -> FloatArray:
-        """log p(searched | pinned) of rows (n, d), in the parameters' units: (n,); −∞ where they are not `possible`.
+        """log p(searched | pinned) of rows (n, d), in the parameters' units: (n,); −∞ where they
+        are not `possible`.
 
         Normalised over what is possible. The weights p/q of importance sampling are ratios of these
         where both draw nuisances alike.
@@ -142,9 +150,9 @@ class Prior(ABC):
         return until_possible(self._draw, self.possible, n, generator)
 
     def foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) within the operational domain that traffic does: possible, no less likely than 99 % of recorded units, each
-        by the density of other recordings, and no further from a recorded unit than 99 % of them:
-        (n,). Costs no simulation."""
+        """Rows (n, d) within the operational domain that traffic does: possible, no less likely
+        than 99 % of recorded units, each by the density of other recordings, and no further from a
+        recorded unit than 99 % of them: (n,). Costs no simulation."""
         found = self._foreseeable(np.asarray(theta, np.float64))
         return found if self.domain is None else found & self.domain(theta)
 
@@ -163,7 +171,8 @@ class Prior(ABC):
         return self.log_density(theta), self.foreseeable(theta)
 
     def unjudged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """`log_density` of rows (n, d), and none of them foreseeable: for a density that does not pass the gate."""
+        """`log_density` of rows (n, d), and none of them foreseeable: for a density that does not
+        pass the gate."""
         return self.log_density(theta), np.zeros(len(theta), bool)
 
     @abstractmethod
@@ -171,7 +180,8 @@ class Prior(ABC):
         """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
 
     def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
-        """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m); (0, m) without recordings."""
+        """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m); (0, m)
+        without recordings."""
         return np.empty((0, len(theta)))
 
 
@@ -355,7 +365,8 @@ class RecordedPrior(Prior):
         return self.of_logs(self._density.sample(n, generator))
 
     def of_logs(self, logs: FloatArray) -> FloatArray:
-        """Rows (n, d), possible or not, of logarithms (n, k) of what is searched and no nuisance, with nuisances as recorded."""
+        """Rows (n, d), possible or not, of logarithms (n, k) of what is searched and no nuisance,
+        with nuisances as recorded."""
         theta = np.empty((len(logs), len(self.names)))
         columns = self.columns(self.searched)
         theta[:, columns] = np.exp(logs)
@@ -380,8 +391,8 @@ class RecordedPrior(Prior):
 
     @cached_property
     def held_out(self) -> FloatArray:
-        """log p(searched | pinned) of each recorded unit (m,) by the density of other recordings, given its own values of what is
-        pinned; over all that is positive."""
+        """log p(searched | pinned) of each recorded unit (m,) by the density of other recordings,
+        given its own values of what is pinned; over all that is positive."""
         found = np.empty(len(self._log_rows))
         for other, tested in others(self._model, self._log_rows, self._recordings):
             found[tested] = other.log_density(self._log_rows[tested])
@@ -419,7 +430,8 @@ class RecordedPrior(Prior):
 
     @cached_property
     def farthest(self) -> float:
-        """Distance to the nearest unit of other recordings, in standardised logarithms, that 99 % of units keep within."""
+        """Distance to the nearest unit of other recordings, in standardised logarithms, that 99 %
+        of units keep within."""
         from scipy.spatial import KDTree
 
         found = np.empty(len(self._standard))
@@ -435,7 +447,8 @@ class RecordedPrior(Prior):
         return KDTree(self._standard)
 
     def _recorded_like(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that are no further from recorded units than these are from those of other recordings: (n,)."""
+        """Rows (n, d) that are no further from recorded units than these are from those of other
+        recordings: (n,)."""
         return np.asarray(self._nearest.query(self._logs(theta) / self._spread)[0] <= self.farthest)
 
     # uncertainty
@@ -509,14 +522,16 @@ QUANTILE = 0.999
 LANE = 3.5
 """Width (m) that the lateral acceleration of lane changes is worked out for"""
 _BRIEF = 1.0
-"""Rest times (s) that are shorter say nothing of an acceleration: differences of speeds are as large as their errors"""
+"""Rest times (s) that are shorter say nothing of an acceleration: differences of speeds are as
+large as their errors"""
 
 ByRole = Mapping[str, FloatArray]
 """Values (n,) by the names of their roles, in SI units; roles that are not known are missing."""
 
 
 def quantities(values: ByRole) -> dict[str, FloatArray]:
-    """Return deceleration, acceleration, jerk and lateral acceleration (n,), without any that the known roles leave open.
+    """Return deceleration, acceleration, jerk and lateral acceleration (n,), without any that the
+    known roles leave open.
 
     m/s², jerk m/s³: the change from the mean acceleration of the manoeuvre to that of what follows,
     over the time between their middles; the jerk at the onset is a parameter of its own. 0 where
@@ -635,7 +650,8 @@ class Reading(NamedTuple):
 def by_actor(
     values: Mapping[str, FloatArray], roles: Mapping[str, Role]
 ) -> dict[str, dict[str, FloatArray]]:
-    """Values (n,) in SI units by role for each actor, with the speed of the vehicle that is not an actor in all of them.
+    """Values (n,) in SI units by role for each actor, with the speed of the vehicle that is not an
+    actor in all of them.
 
     Args:
         values: by parameter. roles: of parameters; those without values are left out.
@@ -651,7 +667,8 @@ def by_actor(
 
 
 def reading(of: Mapping[str, FloatArray], actor: str) -> Reading:
-    """Read off one actor's values (n,) by role; the one behind is the ego, or the actor where that is the ego."""
+    """Read off one actor's values (n,) by role; the one behind is the ego, or the actor where that
+    is the ego."""
     start, other, gap = (of.get(role) for role in ("start_speed", EGO_SPEED, "gap"))
     behind, ahead = (start, other) if actor == EGO else (other, start)
     closing = None if behind is None or ahead is None else behind - ahead

@@ -1,4 +1,5 @@
-"""Roles of parameters: the value of a recorded unit that each stands for. Options name them, so nothing heavy is imported."""
+"""Roles of parameters: the value of a recorded unit that each stands for. Options name them, so
+nothing heavy is imported."""
 
 from __future__ import annotations
 
@@ -12,11 +13,13 @@ from recognition.labels.maneuvers.parameters import OTHER_SPEED as CATALOGUED_OT
 EGO_SPEED = "ego_speed"
 """Role of the initial speed of the vehicle that is not the actor."""
 ROLES = (*PARAMETERS, EGO_SPEED, JERK)
-"""Names of the values of a recorded unit: seven of its actor, the other one's speed, and the actor's jerk where it is known."""
+"""Names of the values of a recorded unit: seven of its actor, the other one's speed, and the
+actor's jerk where it is known."""
 ON_REQUEST = (JERK,)
 """Roles of parameters that are searched only where they are asked for."""
 AHEAD, BEGINS, BEHIND = "ahead", "begins", "behind"
-"""Roles of parameters of the second of two actors: the gap from the first one to it and when it begins, or its gap to the ego."""
+"""Roles of parameters of the second of two actors: the gap from the first one to it and when it
+begins, or its gap to the ego."""
 NUISANCES = ("start_time", "rest_time")
 """Roles of parameters that say when a scene begins and ends, not what happens in it."""
 EGO, LEAD = "Ego", "Lead"

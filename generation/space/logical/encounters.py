@@ -1,4 +1,5 @@
-"""Encounters at junctions and roundabouts: the ego's course, the course it meets, and the logical scenario of each."""
+"""Encounters at junctions and roundabouts: the ego's course, the course it meets, and the logical
+scenario of each."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ WALKING: Speeds = ((0.8, 3.0), 1.5)
 
 @dataclass(frozen=True)
 class Encounter:
-    """An ego that slows down for a junction and takes its course, and another one whose way it meets.
+    """An ego that slows down for a junction and takes its course, and another one whose way it
+    meets.
 
     Attributes:
         description: what happens. situation: the same in a word or two.
@@ -83,12 +85,14 @@ _JUNCTIONS = {
 
 
 def _course(origin: str, target: str, lane: int = 1) -> Course:
-    """From an arm to another one, each in its lane of this number, counted from the middle of the road."""
+    """From an arm to another one, each in its lane of this number, counted from the middle of the
+    road."""
     return Course(LaneId(origin, lane), LaneId(target, -lane))
 
 
 EAST, NORTH, WEST, SOUTH = "1", "2", "3", "4"
-"""Road ids of the arms of junctions; those of the roundabout are numbered in the same order, counterclockwise."""
+"""Road ids of the arms of junctions; those of the roundabout are numbered in the same order,
+counterclockwise."""
 
 
 def _at_junctions() -> dict[str, Encounter]:
@@ -147,7 +151,8 @@ _AFTER = 6.0
 _VEHICLES, _PEDESTRIANS = ("car", "van", "truck", "motorbike"), ("adult", "child")
 _ENVIRONMENT = "Environment_Entry"
 _START, _ARRIVAL = "Ego_SlowingStart_s", "Ego_ArrivalTime_s"
-"""Parameters that follow from others: when the ego begins to slow down, and when it is where the ways meet"""
+"""Parameters that follow from others: when the ego begins to slow down, and when it is where the
+ways meet"""
 
 
 @dataclass(frozen=True)
@@ -231,7 +236,8 @@ class EncounterScenario:
         ]
 
     def _parameters(self) -> list[Any]:
-        """Numbers, choices, and what follows from them: when the ego begins to slow down, and is where the ways meet."""
+        """Numbers, choices, and what follows from them: when the ego begins to slow down, and is
+        where the ways meet."""
         walks, other = self.encounter.walks, self.encounter.other
         choices = {f"{other}_Model": _PEDESTRIANS if walks else _VEHICLES}
         choices |= {_ENVIRONMENT: roads.ENVIRONMENTS} if walks else {}
@@ -308,7 +314,8 @@ class EncounterScenario:
         return [*routes, (EGO, maneuvers.reference(roads.MANEUVER, "change_speed", assigned))]
 
     def _stop(self) -> Conditions:
-        """At a collision of the ego, or when both should have been where their ways meet for a while."""
+        """At a collision of the ego, or when both should have been where their ways meet for a
+        while."""
         other = self.encounter.other
         end = f"${{${_ARRIVAL} + max(${other}_ArrivalGap_s, 0) + {_AFTER}}}"
         return [[maneuvers.collision(EGO, other)], [maneuvers.simulation_time(end)]]

@@ -1,4 +1,5 @@
-"""The files of the library that are made from the tables: roads, catalogues, logical scenarios and a variation file of each."""
+"""The files of the library that are made from the tables: roads, catalogues, logical scenarios and
+a variation file of each."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterSce
 
 
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
-    """Write the files into two folders that stand to each other as those of the library do; their paths."""
+    """Write the files into two folders that stand to each other as those of the library do; their
+    paths."""
     written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios, _courses())]
     made: list[tuple[str, Made]] = [
         *maneuver_scenarios(),

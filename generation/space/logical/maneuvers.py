@@ -324,7 +324,8 @@ class ManeuverScenario:
         return f"{_EVADED} + {during} + max({self._speed(self.maneuver.leader)} - {speed}, 0) * ({self._delay})"
 
     def _changes(self) -> list[tuple[str, int]]:
-        """Return the vehicles that change speed, each with the number of lanes it moves to the left."""
+        """Return the vehicles that change speed, each with the number of lanes it moves to the
+        left."""
         changes = [(self.maneuver.actor, self.maneuver.change)]
         return changes + ([(self.maneuver.beside, 0)] if self.maneuver.beside else [])
 

@@ -1,4 +1,5 @@
-"""Logical scenarios with two adversaries at once: table of pairs, their scenario, recorded units as its parameters."""
+"""Logical scenarios with two adversaries at once: table of pairs, their scenario, recorded units as
+its parameters."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ class AdversaryPart:
 
 @dataclass(frozen=True)
 class Follower:
-    """Adversary behind the ego that keeps its distance, as fast as its reaction and its brakes allow.
+    """Adversary behind the ego that keeps its distance, as fast as its reaction and its brakes
+    allow.
 
     Attributes:
         actor: its name.
@@ -110,18 +112,20 @@ PAIRS = {
 LEAD_IN = MOST_LAG
 """Time (s) from the scene's start to the beginning of the first manoeuvre"""
 BEGIN = "Begin_s"
-"""Name of the time from the scene's start to the beginning of the second manoeuvre, after the actor's name"""
+"""Name of the time from the scene's start to the beginning of the second manoeuvre, after the
+actor's name"""
 ROLES = ("gap", "start_speed", "end_speed", "duration", "final_speed", "rest_time")
 """The parameters of each of the two, by role"""
 _PLACE = GEOMETRIES["highway"]
 _EVER = 1000.0
-"""A gap (m) that is never exceeded: what the one does may hold up the ego, and the other one acts all the same"""
+"""A gap (m) that is never exceeded: what the one does may hold up the ego, and the other one acts
+all the same"""
 _SETTLED = 5.0
 """Time (s) that is played after both manoeuvres"""
 REACTION = Reaction(acceleration=3.0, deceleration=7.59, jerk=3.6)
-"""Reaction of a follower: it brakes with 0.774 g, as the careful driver of UN Regulation 157 does, and loses as much speed
-until then as that driver, who reacts after 0.75 s and needs 0.6 s to full braking: the jerk is 7.59
-/ (2 · (0.75 + 0.6 / 2))"""
+"""Reaction of a follower: it brakes with 0.774 g, as the careful driver of UN Regulation 157 does,
+and loses as much speed until then as that driver, who reacts after 0.75 s and needs 0.6 s to full
+braking: the jerk is 7.59 / (2 · (0.75 + 0.6 / 2))"""
 _FOLLOWED = (0.5, 50.0)
 """Limits of a follower's gap (m)"""
 _DEFAULTS = {
@@ -311,7 +315,8 @@ _CROSSED = 0.5
 
 
 class Alone(NamedTuple):
-    """All units of the kind of what an adversary does: values (n,) by parameter, roles of these, the recording of each (n,)."""
+    """All units of the kind of what an adversary does: values (n,) by parameter, roles of these,
+    the recording of each (n,)."""
 
     values: dict[str, FloatArray]
     roles: dict[str, Role]
@@ -390,7 +395,8 @@ def pair_units(samples: Samples, pair: Pair) -> PairUnits:
 
 
 def _known(samples: Samples, kind: str) -> float:
-    """Share of the units of a kind whose parameters could be estimated, by the counts of the exposure; 1 without these."""
+    """Share of the units of a kind whose parameters could be estimated, by the counts of the
+    exposure; 1 without these."""
     counted = Exposure.total(samples.exposure.values()).counts.get(kind, 0)
     return float((samples.kinds == kind).sum()) / counted if counted else 1.0
 
@@ -434,7 +440,8 @@ class AheadUnits(PairUnits):
 
     @property
     def roles(self) -> dict[str, Role]:
-        """Roles of the parameters; when the second one begins is no nuisance, but decides what happens."""
+        """Roles of the parameters; when the second one begins is no nuisance, but decides what
+        happens."""
         first, second = self.first.actor, self.second.actor
         found = {
             declared_name(actor, role): Role(actor, role)
@@ -449,7 +456,8 @@ class AheadUnits(PairUnits):
         }
 
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
-        """Return a mask of rows without overlap (n,): the two in one lane, and the ego with a leader at the start.
+        """Return a mask of rows without overlap (n,): the two in one lane, and the ego with a
+        leader at the start.
 
         Args:
             values: (n,) of all parameters.
@@ -549,7 +557,8 @@ def _acting(actor: str, samples: Samples) -> dict[str, FloatArray]:
 def _way(
     actor: str, values: Mapping[str, FloatArray], begin: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Return the distance (n, k) of an actor at times (k,): constant speed, then two consecutive changes of speed."""
+    """Return the distance (n, k) of an actor at times (k,): constant speed, then two consecutive
+    changes of speed."""
     duration, rest = (values[declared_name(actor, role)] for role in ("duration", "rest_time"))
     speeds = [
         values[declared_name(actor, role)] for role in ("start_speed", "end_speed", "final_speed")

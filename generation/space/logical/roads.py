@@ -1,4 +1,5 @@
-"""Roads of the library: lanes and courses through junctions, points where courses meet, places where manoeuvres begin."""
+"""Roads of the library: lanes and courses through junctions, points where courses meet, places
+where manoeuvres begin."""
 
 from __future__ import annotations
 
@@ -129,7 +130,8 @@ class Course(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """A way of a pedestrian: across an arm, from the right of the lane that leads away on it, `s` (m) from the junction."""
+    """A way of a pedestrian: across an arm, from the right of the lane that leads away on it, `s`
+    (m) from the junction."""
 
     lane: LaneId
     s: float
@@ -271,7 +273,8 @@ GEOMETRIES = {
     "four_way_intersection": _arm("intersection_four_way_two_lanes", "before an intersection"),
     "t_junction": _arm("t_junction_two_lanes", "before a T junction"),
 }
-"""Geometries by name; the first five are motorways, of which most manoeuvres need only the first."""
+"""Geometries by name; the first five are motorways, of which most manoeuvres need only the first.
+"""
 
 
 CONTROLLER, ENVIRONMENT, MANEUVER, ROUTE = (
@@ -303,7 +306,8 @@ def route_name(file: str, course: Course) -> str:
 
 
 def take_route(actor: str, file: str, course: Course) -> tuple[str, Any]:
-    """The actor and its manoeuvre of taking a route at once: in the story, as CARLA's scenario_runner knows no routes in Init."""
+    """The actor and its manoeuvre of taking a route at once: in the story, as CARLA's
+    scenario_runner knows no routes in Init."""
     route = maneuvers.assign_route(maneuvers.reference(ROUTE, route_name(file, course)))
     event = maneuvers.event(
         f"{actor} takes route", [route], maneuvers.simulation_time(0.0, "greaterOrEqual")
@@ -312,7 +316,8 @@ def take_route(actor: str, file: str, course: Course) -> tuple[str, Any]:
 
 
 def write_catalogs(folder: Path, courses: Iterable[tuple[str, Course]]) -> list[Path]:
-    """Write the catalogues into folders of this folder, with a route for each road file and course; their paths."""
+    """Write the catalogues into folders of this folder, with a route for each road file and course;
+    their paths."""
     written = []
     for name, kind, description, entries in _catalogs(courses):
         path = folder / DIRECTORIES[kind] / f"{name}.xosc"

@@ -82,12 +82,13 @@ Files relative to the index: the scenario that replays the recording, that with 
 why it has none), tags, road. The class, and whose labels sort; the model's confidence in the known
 class nearest to what it saw; both labels, and whether they agree; trust: `agree`, `differ`, `rules
 alone`, `model alone` or `measures`. severity: of the critical moment, from 0 to 1, with its
-measures (critical) and other participants (others). why: conditions with values, lanes before and after. partial: recorded in
-part. road_kind, limit (m/s): of the ego's lane at the event's time. light: recorded state then of
-the traffic light that the ego passes, in the words of the data set. Speeds and closing speed (m/s)
-and gap along the road (m) of ego and partner at that time. Least THW and TTC (s) and greatest DRAC
-(m/s²) of the pair within the event's time, blank where their boxes touch (pair_touches), DRAC also
-above 20 m/s². Where from, with the quality of the recording from 0 to 1, and times in s. deviation,
+measures (critical) and other participants (others). why: conditions with values, lanes before and
+after. partial: recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time.
+light: recorded state then of the traffic light that the ego passes, in the words of the data set.
+Speeds and closing speed (m/s) and gap along the road (m) of ego and partner at that time. Least THW
+and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time, blank where their boxes
+touch (pair_touches), DRAC also above 20 m/s². Where from, with the quality of the recording from 0
+to 1, and times in s. deviation,
 most_deviation: median and maximum over the participants of the greatest distance (m) of the played
 replay from the raw places. Measures of the ego against all others of the scene."""
 
@@ -156,7 +157,8 @@ def as_parquet(rows: Sequence[Row], columns: Mapping[str, type] = COLUMNS) -> by
 
 
 class Catalogue:
-    """A catalogue in a folder: roads first, then what `CatalogWriter` wrote of each recording, in any number.
+    """A catalogue in a folder: roads first, then what `CatalogWriter` wrote of each recording, in
+    any number.
 
     Args and errors are those of `CatalogWriter`.
     """
@@ -190,7 +192,8 @@ class Catalogue:
     def register(
         self, source: Source, report: Report, seen: Mileage, exclusions: Iterable[Exclusion]
     ) -> None:
-        """Enter a recording into the index, with its exposure, what reading it found, and which vehicles are no egos."""
+        """Enter a recording into the index, with its exposure, what reading it found, and which
+        vehicles are no egos."""
         self._exposures.append((source.site, seen._replace(quality=report.quality)))
         found: dict[str, float] = {
             "rows": report.rows,
@@ -232,7 +235,8 @@ class Catalogue:
             write_catalog(self.store, place, self._entries.pop(place), self._version)
 
     def judge(self, played: Iterable[Played]) -> None:
-        """Take in which scenarios play: others are not listed, and manoeuvres that do not have a reason in `no_maneuver`."""
+        """Take in which scenarios play: others are not listed, and manoeuvres that do not have a
+        reason in `no_maneuver`."""
         rows = {row["file"]: row for row in self.rows}
         for outcome in played:
             row = rows[outcome.file]

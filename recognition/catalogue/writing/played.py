@@ -1,4 +1,5 @@
-"""Scenarios of a catalogue, each compiled and played once before it is listed, and its distance from the raw recording."""
+"""Scenarios of a catalogue, each compiled and played once before it is listed, and its distance
+from the raw recording."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _SAME_TIME = 1e-6
 
 
 class Trial(NamedTuple):
-    """A scenario to be played: files relative to the catalogue, times of the scene (s), and tracks by names of participants."""
+    """A scenario to be played: files relative to the catalogue, times of the scene (s), and tracks
+    by names of participants."""
 
     file: str
     maneuver: str | None

@@ -44,8 +44,9 @@ _LIMITS = {
     "motorbike": _Limits(80.0, 10.0, 10.0),
     "bicycle": _Limits(20.0, 5.0, 8.0),
 }
-"""No data set has these: usual values, `_CAR` for every other vehicle. They are a little more than the limits of smoothed motion
-(`recognition.recordings.motion.observations`): runs that may not exceed those would be late."""
+"""No data set has these: usual values, `_CAR` for every other vehicle. They are a little more than
+the limits of smoothed motion (`recognition.recordings.motion.observations`): runs that may not
+exceed those would be late."""
 
 
 class Entry(NamedTuple):
@@ -57,7 +58,8 @@ class Entry(NamedTuple):
 
 
 def entry(track: Track) -> Entry:
-    """The entry for a participant. Its name has the dimensions (to 1 cm), so that entries of one name are alike."""
+    """The entry for a participant. Its name has the dimensions (to 1 cm), so that entries of one
+    name are alike."""
     return _entry(track.kind, track.category, track.box)
 
 
@@ -80,7 +82,8 @@ def _entry(group: str, category: str, recorded: BoundingBox) -> Entry:
 
 
 _EARLY = 1e-3
-"""Times that are to be reached are passed this much (s) earlier: every version of the standard has `greaterThan`."""
+"""Times that are to be reached are passed this much (s) earlier: every version of the standard has
+`greaterThan`."""
 _DIGITS = 4
 """Decimals of times, speeds, and positions and headings at the beginning"""
 _OF_VERTEX = (_DIGITS, 3, 3, _DIGITS)
@@ -90,7 +93,8 @@ _OF_EACH = ("ScenarioObject", "Private", "ManeuverGroup")
 
 
 def trajectories(scene: Excerpt) -> list[Any]:
-    """Entries of a trajectory catalogue: one for each participant, under its name, at times from the scene's start."""
+    """Entries of a trajectory catalogue: one for each participant, under its name, at times from
+    the scene's start."""
     return [_trajectory(part, scene.start) for part in scene.parts]
 
 
@@ -201,7 +205,8 @@ def _document(
     catalogs: dict[str, str],
     version: Version,
 ) -> Document:
-    """The scenario of one participant that ends after a duration (s); other arguments as in `scenario`."""
+    """The scenario of one participant that ends after a duration (s); other arguments as in
+    `scenario`."""
     name = each.names["name"]
     init, events = _acts(each, maneuvers.reference("TrajectoryCatalog", name))
     return maneuvers.scenario(
@@ -218,7 +223,8 @@ def _document(
 
 
 def _acts(each: _Participant, path: Any, mode: str = "follow") -> tuple[list[Any], list[Any]]:
-    """The actions of a participant at the beginning, and its events; `path` is its trajectory, or a reference to it."""
+    """The actions of a participant at the beginning, and its events; `path` is its trajectory, or a
+    reference to it."""
     name, numbers = each.names["name"], each.numbers
     place = maneuvers.world_position(numbers["x"], numbers["y"], h=numbers["h"])
     speed = maneuvers.speed(numbers["speed"])
@@ -263,7 +269,8 @@ def whole(
     version: Version,
     exact: bool = False,
 ) -> Document:
-    """The scenario that replays a scene without catalogues: everything is in one file, but the road.
+    """The scenario that replays a scene without catalogues: everything is in one file, but the
+    road.
 
     Args:
         path: the file that it is to become.

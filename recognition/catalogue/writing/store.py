@@ -48,7 +48,8 @@ class Store:
         self.edited += edited
 
     def write(self, name: str, content: bytes) -> bool:
-        """Write a file, named relative to the root; False where there is one that a person has edited."""
+        """Write a file, named relative to the root; False where there is one that a person has
+        edited."""
         if not write_unless_edited(self.root / name, content, self._before.get(name)):
             self.edited.append(name)
             return False
@@ -56,7 +57,8 @@ class Store:
         return True
 
     def discard(self, name: str) -> bool:
-        """Remove a file that was written now; False where it was not, or has another content by now."""
+        """Remove a file that was written now; False where it was not, or has another content by
+        now."""
         path = self.root / name
         if self._now.get(name) is None or digest(path.read_bytes()) != self._now[name]:
             return False
@@ -67,7 +69,8 @@ class Store:
         return True
 
     def close(self) -> list[str]:
-        """Remove what earlier runs have written and this one has not, and write the manifest; the files that were removed."""
+        """Remove what earlier runs have written and this one has not, and write the manifest; the
+        files that were removed."""
         stale = sorted(self._before.keys() - self._now.keys() - set(self.edited))
         removed = []
         for name in stale:
@@ -94,7 +97,8 @@ class Store:
 
 
 def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
-    """Write a file, unless there is one whose `digest` is neither that of the content nor the one that it had before."""
+    """Write a file, unless there is one whose `digest` is neither that of the content nor the one
+    that it had before."""
     with writing("this", path):
         found = path.read_bytes() if path.is_file() else None
         if found is not None and found != content and digest(found) != before:
@@ -104,7 +108,8 @@ def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
 
 
 def digests(path: Path) -> dict[str, str]:
-    """The digests of files by name as a JSON file has them under "files"; none where there is no such file.
+    """The digests of files by name as a JSON file has them under "files"; none where there is no
+    such file.
 
     Raises:
         InvalidFile: it is not readable, or has something else.

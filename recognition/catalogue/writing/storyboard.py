@@ -40,7 +40,8 @@ RANGES = {parameter.name: (parameter.low, parameter.high) for parameter in PARAM
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
-"""When a manoeuvre begins: at the start time, or sooner where that is longer than everyone can keep a speed until then"""
+"""When a manoeuvre begins: at the start time, or sooner where that is longer than everyone can keep
+a speed until then"""
 TRIGGER_GAP = "TriggerGap_m"
 """The longest gap at which the manoeuvre begins"""
 
@@ -97,7 +98,8 @@ def _range(name: str, value: float, maneuver: RecordedManeuver) -> tuple[float, 
 
 
 def _begin(maneuver: RecordedManeuver, version: Version) -> str:
-    """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as `RecordedManeuver.delay`."""
+    """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as
+    `RecordedManeuver.delay`."""
     begin, passage = f"${START_TIME}", maneuver.passage
     if maneuver.approach < LONGEST:
         begin = lesser(begin, f"{maneuver.approach:.3f}", version)
@@ -131,7 +133,8 @@ _MIN_MAX = (1, 3)
 
 
 def approach(start_time: str, gap: str, opening: str, version: Version = _MIN_MAX) -> str:
-    """Time until the manoeuvre begins, of two in one lane that move apart by a speed: the start time, cut as said above."""
+    """Time until the manoeuvre begins, of two in one lane that move apart by a speed: the start
+    time, cut as said above."""
     return lesser(
         start_time,
         f"{greater(f'{gap} - {APART}', '0', version)} / {greater(opening, str(STILL), version)}",
@@ -140,7 +143,8 @@ def approach(start_time: str, gap: str, opening: str, version: Version = _MIN_MA
 
 
 def trigger_gap(gap: str, opening: str | None = None, version: Version = _MIN_MAX) -> str:
-    """The longest gap at which the manoeuvre begins; any, where the gap grows: it has been reached if the ego was late."""
+    """The longest gap at which the manoeuvre begins; any, where the gap grows: it has been reached
+    if the ego was late."""
     # Vehicles from the side close in on the conflict point: the gap only shrinks.
     if opening is None:
         return f"{gap} + {_REACHED}"
@@ -200,7 +204,8 @@ def events(
     lanes: int,
     start: Conditions | list[TriggerCondition],
 ) -> list[Any]:
-    """The events of the actor: its change of speed and lane over the duration, then the change to the final speed.
+    """The events of the actor: its change of speed and lane over the duration, then the change to
+    the final speed.
 
     Args:
         change, settle: names of the two.
@@ -231,7 +236,8 @@ def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
     end, start, duration, jerk = (
         parameters[role] for role in ("end_speed", "start_speed", "duration", JERK)
     )
-    # so long that the acceleration between its building up and its end is that of the change over the duration
+    # so long that the acceleration between its building up and its end is that of the change over
+    # the duration
     time = f"${{{duration} + abs({end} - {start}) / ({duration} * {jerk})}}"
     return maneuvers.speed_profile([(end, time)], "follow", jerk)
 
@@ -313,7 +319,8 @@ def init(
 
 
 def _ego(maneuver: RecordedManeuver, followed: Paths) -> list[Any]:
-    """Return the ego's actions: its recorded start, or the approach to its manoeuvre on its route or path."""
+    """Return the ego's actions: its recorded start, or the approach to its manoeuvre on its route
+    or path."""
     passage = maneuver.passage
     if passage is None:
         actions = [
@@ -373,7 +380,8 @@ def _recorded(maneuver: RecordedManeuver) -> Any:
 
 
 def _beside(maneuver: RecordedManeuver, other: Track, network: RoadNetwork) -> list[Any]:
-    """Ahead of the ego (or, to cut in, beside its lane) by what gives the parameter's gap after the delay."""
+    """Ahead of the ego (or, to cut in, beside its lane) by what gives the parameter's gap after the
+    delay."""
     here = _place(maneuver.ego, maneuver.start)
     side = _facing(maneuver.ego, maneuver.start, network)
     own, ahead = OTHER_SPEED if maneuver.ego_acts else START_SPEED, _ahead(maneuver, other)
@@ -424,7 +432,8 @@ _MARGIN = 5.0
 def _road_ends(
     maneuver: RecordedManeuver, network: RoadNetwork, other: str, followed: Paths
 ) -> list[list[TriggerCondition]]:
-    """Stop conditions for participants near the end of their roads, where they could only stop dead.
+    """Stop conditions for participants near the end of their roads, where they could only stop
+    dead.
 
     Raises:
         Unsupported: by the recorded values the road ends before the manoeuvre does.
@@ -469,7 +478,8 @@ def _ego_left(maneuver: RecordedManeuver, network: RoadNetwork, followed: Paths)
 
 
 def _other_left(maneuver: RecordedManeuver, network: RoadNetwork) -> _Left:
-    """Distance left to the other one, on its path beyond the conflict point, else along the lane of the ego."""
+    """Distance left to the other one, on its path beyond the conflict point, else along the lane of
+    the ego."""
     assert maneuver.other is not None and maneuver.values.gap is not None, "there is another one"
     gap, passage = maneuver.values.gap, maneuver.passage
     if passage is not None and passage.conflict is not None:
@@ -487,7 +497,8 @@ def _other_left(maneuver: RecordedManeuver, network: RoadNetwork) -> _Left:
 
 
 def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
-    """Return the distance (m) from a track at a time (s) to the end of its road, straight on; `_FAR` for a circle."""
+    """Return the distance (m) from a track at a time (s) to the end of its road, straight on;
+    `_FAR` for a circle."""
     _, _, beyond = travel_s(
         network, _place(track, time), _facing(track, time, network) * _FAR, network.straightest
     )
@@ -495,7 +506,8 @@ def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
 
 
 def _route(maneuver: RecordedManeuver, network: RoadNetwork, name: str) -> Any | None:
-    """The route of an ego that leaves its road, from where it is first to where it is last; None for one that needs none."""
+    """The route of an ego that leaves its road, from where it is first to where it is last; None
+    for one that needs none."""
     places = [_place(maneuver.ego, time) for time in (maneuver.start, maneuver.end)]
     # On one road the lane leads there anyway.
     if places[0].road_id == places[1].road_id or network.route(places) is None:
@@ -523,7 +535,8 @@ _THERE = 0.5
 
 
 class ScenarioFiles(NamedTuple):
-    """Surroundings of a scenario: its file, the relative road file, and the folders of its catalogues by kind."""
+    """Surroundings of a scenario: its file, the relative road file, and the folders of its
+    catalogues by kind."""
 
     path: Path
     road: str
@@ -545,7 +558,8 @@ def entry_name(maneuver: RecordedManeuver) -> str:
 
 
 def catalogue_entries(maneuver: RecordedManeuver) -> list[Any]:
-    """The entries of the manoeuvre catalogue, for any participants: the actor's, and the other one's in a passage."""
+    """The entries of the manoeuvre catalogue, for any participants: the actor's, and the other
+    one's in a passage."""
     return [_change(maneuver), *([_resume()] if _conflict(maneuver) else [])]
 
 

@@ -71,7 +71,8 @@ _PARTICIPANTS = {
 
 
 def criticality_of(scene: Excerpt) -> dict[str, float | None]:
-    """The ego's extremes of criticality in the recorded scene, by name (`runner.judging.measures.measure`).
+    """The ego's extremes of criticality in the recorded scene, by name
+    (`runner.judging.measures.measure`).
 
     `collision_time` is when its box first touches another one, s from the scene's start: recorded
     sizes can be wrong.
@@ -112,7 +113,8 @@ def tags(name: str, title: str, scene: Excerpt, facts: Mapping[str, Any]) -> lis
 
 
 def ontology_tags(title: str, categories: Iterable[str]) -> list[Tag]:
-    """Return the tags of OpenLABEL's ontology for a class, by its title, and for categories of participants."""
+    """Return the tags of OpenLABEL's ontology for a class, by its title, and for categories of
+    participants."""
     participants = sorted(
         _PARTICIPANTS[category] for category in set(categories) & _PARTICIPANTS.keys()
     )
@@ -135,10 +137,12 @@ PAIR = (
 )  # fmt: skip
 """Columns of the index about the ego and its partner at the event's time and within it"""
 _MOST_DRAC = 20.0
-"""Greatest DRAC that is a measurement, m/s²: beyond twice what tyres transmit, the gap is within the error of recorded boxes"""
+"""Greatest DRAC that is a measurement, m/s²: beyond twice what tyres transmit, the gap is within
+the error of recorded boxes"""
 AUTHOR = "xosc-recognize"
 DATE = datetime(2000, 1, 1)
-"""Date in every file: the recordings tell none, and the same catalogue has to have the same bytes."""
+"""Date in every file: the recordings tell none, and the same catalogue has to have the same bytes.
+"""
 
 _FOLDERS = {
     "Vehicle": "vehicles",
@@ -167,7 +171,8 @@ class CatalogueConfig:
 
 
 class CatalogFile(NamedTuple):
-    """Location of a catalogue's entries: the class's folder, the kind, and the part of the name that sets it apart."""
+    """Location of a catalogue's entries: the class's folder, the kind, and the part of the name
+    that sets it apart."""
 
     folder: str
     kind: str
@@ -175,7 +180,8 @@ class CatalogFile(NamedTuple):
 
     @property
     def directory(self) -> str:
-        """Directory relative to the class's folder; its last part is unique in the catalogue, as exports put all side by side."""
+        """Directory relative to the class's folder; its last part is unique in the catalogue, as
+        exports put all side by side."""
         kind = _FOLDERS[self.kind]
         return f"catalogs/{kind}/{'-'.join(filter(None, (self.folder, kind, self.part)))}"
 
@@ -189,7 +195,8 @@ class _Entry(NamedTuple):
 
 
 Entries = dict[CatalogFile, dict[str, Any]]
-"""Entries of OpenSCENARIO catalogues by their names, for each catalogue; as scenariogeneration has them"""
+"""Entries of OpenSCENARIO catalogues by their names, for each catalogue; as scenariogeneration has
+them"""
 
 
 class PendingCatalog(NamedTuple):
@@ -209,7 +216,8 @@ class PendingCatalog(NamedTuple):
 
 
 class Material:
-    """A recording, which has its road coordinates, ready for scenes and manoeuvres to be taken from it.
+    """A recording, which has its road coordinates, ready for scenes and manoeuvres to be taken from
+    it.
 
     Attributes:
         source, site: where it is from.
@@ -387,7 +395,8 @@ def write_catalog(
     store: Store, place: CatalogFile, entries: dict[str, Any], version: Version
 ) -> None:
     """Write an OpenSCENARIO catalogue with entries in the order of their names."""
-    name = f"{place.folder}/{place.directory}/{place.kind}Catalog.xosc"  # as esmini looks for it: by the name of the catalogue
+    # as esmini looks for it: by the name of the catalogue
+    name = f"{place.folder}/{place.directory}/{place.kind}Catalog.xosc"
     header = FileHeader(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
     ordered = [entries[key] for key in sorted(entries)]
     if place.kind == "Trajectory":
@@ -473,7 +482,8 @@ def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
 
 
 def _pair(context: _Context) -> dict[str, Any]:
-    """Return the place of the ego at the event's time, and the measures of ego and partner within it."""
+    """Return the place of the ego at the event's time, and the measures of ego and partner within
+    it."""
     finding, recording, site = (
         context.episode.finding,
         context.material.scenes.recording,

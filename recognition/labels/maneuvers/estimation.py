@@ -1,4 +1,5 @@
-"""Estimation of parameters from a recording: begin and end, gap, speeds; reconstruction; cutting into units."""
+"""Estimation of parameters from a recording: begin and end, gap, speeds; reconstruction; cutting
+into units."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ class LaneCoordinates:
     last: IntArray
 
     def gap(self, ego: int, other: int) -> float:
-        """Distance (m) from the front of one row's vehicle to the rear of another's, as the former is headed."""
+        """Distance (m) from the front of one row's vehicle to the rear of another's, as the former
+        is headed."""
         scene = self.scene
         dx, dy, h = scene.x[other] - scene.x[ego], scene.y[other] - scene.y[ego], scene.h[ego]
         return float(dx * np.cos(h) + dy * np.sin(h) + scene.rear[other] - scene.front[ego])
@@ -84,14 +86,16 @@ def lane_motion(scene: Scene) -> LaneCoordinates:
 
 
 _WEIGHT = 10.0
-"""Weight (s) of 1 m/s of speed relative to 1 m of distance when speeds are fitted: they stay near the speeds at the instants
-of their names (0.3 to 0.6 m/s on our motorways), and still follow the distance"""
+"""Weight (s) of 1 m/s of speed relative to 1 m of distance when speeds are fitted: they stay near
+the speeds at the instants of their names (0.3 to 0.6 m/s on our motorways), and still follow the
+distance"""
 EVERY = 0.2
 """Resolution (s) of the motion that speeds are fitted to"""
 
 
 def distance_model(time: FloatArray, duration: float, rest: float) -> FloatArray:
-    """Return the distance per 1 m/s of start, end and final speed since the start of the manoeuvre (n, 3), s.
+    """Return the distance per 1 m/s of start, end and final speed since the start of the manoeuvre
+    (n, 3), s.
 
     Args:
         time: instants counted from the manoeuvre's beginning (n,), s.
@@ -111,7 +115,8 @@ def distance_model(time: FloatArray, duration: float, rest: float) -> FloatArray
 
 
 def fit_speeds(model: FloatArray, way: FloatArray, seen: FloatArray) -> FloatArray:
-    """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at their instants.
+    """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at
+    their instants.
 
     Args:
         model: what each speed adds to the way (n, 3), s (`distance_model`).
@@ -158,7 +163,8 @@ def progress(share: FloatArray) -> FloatArray:
 
 
 def errors(motion: LaneCoordinates, unit: Unit, row: FloatArray) -> Errors:
-    """Return the errors of the reconstruction at 1 Hz through the scene, aligned at the start of the manoeuvre.
+    """Return the errors of the reconstruction at 1 Hz through the scene, aligned at the start of
+    the manoeuvre.
 
     Source: METHOD.md §3, RMSE_t and RMSE_s, which are means of these over all units.
     """
@@ -179,10 +185,12 @@ def errors(motion: LaneCoordinates, unit: Unit, row: FloatArray) -> Errors:
 EVERY = 0.2
 """Resolution (s) of beginnings, durations and the motion that is compared."""
 _SCENE = PARAMETERS["start_time"].high
-"""Time (s) before and after the border is crossed in which the motion is compared, as far as it is this lane change's"""
+"""Time (s) before and after the border is crossed in which the motion is compared, as far as it is
+this lane change's"""
 
 _MARGIN = 0.2
-"""Time (s) for which there has to be a lane to change to before a lane change begins: reconstructions are decimetres off"""
+"""Time (s) for which there has to be a lane to change to before a lane change begins:
+reconstructions are decimetres off"""
 
 
 class LaneChange(NamedTuple):
@@ -201,7 +209,8 @@ class LaneChange(NamedTuple):
 
 
 def lane_changes(motion: LaneCoordinates) -> list[LaneChange]:
-    """The lane changes of a scene in the order of rows, those whose border is crossed as the rules have it."""
+    """The lane changes of a scene in the order of rows, those whose border is crossed as the rules
+    have it."""
     changes = motion.scene.changes
     rows, lacking, margin = changes.row.tolist(), _lacking(motion), motion.scene.rows(_MARGIN)
     found: list[LaneChange] = []
@@ -221,7 +230,8 @@ def lane_changes(motion: LaneCoordinates) -> list[LaneChange]:
 
 
 def _lacking(motion: LaneCoordinates) -> tuple[BoolArray, BoolArray]:
-    """Rows without a lane to the right of their own, and those without one to the left; short stays in a lane don't count."""
+    """Rows without a lane to the right of their own, and those without one to the left; short stays
+    in a lane don't count."""
     scene = motion.scene
     strips, steps = scene.site.lanes.strips, np.cumsum(scene.changes.step)
     own = steps - steps[motion.first] == scene.changes.lane
@@ -242,7 +252,8 @@ def _lacking(motion: LaneCoordinates) -> tuple[BoolArray, BoolArray]:
 def _fitted(
     motion: LaneCoordinates, row: int, first: int, last: int, earliest: int
 ) -> LaneChange | None:
-    """The lane change across the border at a row within two other rows; None where there is no room for one.
+    """The lane change across the border at a row within two other rows; None where there is no room
+    for one.
 
     Args:
         earliest: row at which it may begin.
@@ -273,9 +284,11 @@ def _fitted(
 
 
 WIDE = 0.5
-"""Half the time (s) over which jerk is a difference of speeds: what is recorded is not smooth enough for less"""
+"""Half the time (s) over which jerk is a difference of speeds: what is recorded is not smooth
+enough for less"""
 _LEAD_IN = 1.0
-"""Time (s) before a unit in which its acceleration may begin: units begin where it is already there"""
+"""Time (s) before a unit in which its acceleration may begin: units begin where it is already there
+"""
 
 
 def onset_jerk(motion: LaneCoordinates, unit: Unit, change: float) -> float:
@@ -367,7 +380,8 @@ def _speeds(motion: LaneCoordinates, unit: Unit, duration: float, rest_time: flo
 
 @dataclass(frozen=True)
 class Thresholds:
-    """acceleration: m/s², beyond which a vehicle brakes or accelerates. least: s, for which it does so at least."""
+    """acceleration: m/s², beyond which a vehicle brakes or accelerates. least: s, for which it does
+    so at least."""
 
     acceleration: float = 0.5
     least: float = 1.0
@@ -387,7 +401,8 @@ class Segmentation:
         self._ends = np.array([change.end for change in self.changes], np.int64)
 
     def nearest_change(self, actor: int, time: float, reach: float) -> int | None:
-        """Index of the lane change of a track that crosses the border nearest to a time (s), at most `reach` (s) from it."""
+        """Index of the lane change of a track that crosses the border nearest to a time (s), at
+        most `reach` (s) from it."""
         scene = self.motion.scene
         own = [
             index for index, change in enumerate(self.changes) if scene.track[change.row] == actor
@@ -404,7 +419,8 @@ class Segmentation:
         )
 
     def leader(self, index: int) -> int:
-        """Track ahead of the lane-changing vehicle in its lane, at the start of the change; ABSENT for none in sight."""
+        """Track ahead of the lane-changing vehicle in its lane, at the start of the change; ABSENT
+        for none in sight."""
         scene = self.motion.scene
         lead = int(scene.leads.row[self.changes[index].start])
         return int(scene.track[lead]) if lead != ABSENT else ABSENT
@@ -415,7 +431,8 @@ class Segmentation:
         return self.between(kind, other, change.start, change.end, change.shift)
 
     def between(self, kind: str, other: int, start: int, end: int, shift: float = 0.0) -> Unit:
-        """The unit from one row of a track to another; its scene is bounded by the lane changes before and after it."""
+        """The unit from one row of a track to another; its scene is bounded by the lane changes
+        before and after it."""
         before, after = self._ends[self._ends <= start], self._starts[self._starts >= end]
         first = int(before[-1]) if len(before) else 0
         last = int(after[0]) if len(after) else len(self.motion.lateral)
@@ -423,7 +440,8 @@ class Segmentation:
 
 
 def segment(motion: LaneCoordinates, thresholds: Thresholds = Thresholds()) -> list[Unit]:
-    """Return the units of a recording, by actor and time; a lane change is a unit for each affected vehicle."""
+    """Return the units of a recording, by actor and time; a lane change is a unit for each affected
+    vehicle."""
     segmentation = Segmentation(motion)
     units = [*_lane_changes(segmentation), *_phases(motion, segmentation.changes, thresholds)]
     return sorted(units, key=lambda unit: (unit.start, unit.kind, unit.other))

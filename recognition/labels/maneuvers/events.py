@@ -1,4 +1,5 @@
-"""Manoeuvres in lanes: lane changes, also from and to ramps, cutting in and out, car following and free cruise.
+"""Manoeuvres in lanes: lane changes, also from and to ramps, cutting in and out, car following and
+free cruise.
 
 Their parameters are those of a unit (`recognition.labels.maneuvers.units`): a lane change's own, or
 the stretch that was recognised as following or cruising. At ramps a manoeuvre has its place: the
@@ -149,7 +150,8 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Re
 _SAME = 1.0
 """Ways that come closer than this meet, m"""
 _BESIDE = 2.0
-"""Distance (m) from the ego's path at the start of the passage below which a vehicle drives alongside"""
+"""Distance (m) from the ego's path at the start of the passage below which a vehicle drives
+alongside"""
 _SOON = 5.0
 """Time (s) between two at one place that is too long for either to mind the other"""
 _STEP = 0.25
@@ -159,7 +161,8 @@ _STEP = 0.25
 def nearest_conflict(
     recording: Recording, ego: Track, path: RecordedPath, time: float, partner: str | None
 ) -> ConflictPoint | None:
-    """Return the conflict with the least time between the ego and a vehicle whose path meets its own from the side.
+    """Return the conflict with the least time between the ego and a vehicle whose path meets its
+    own from the side.
 
     Args:
         path: the ego's.
@@ -186,13 +189,15 @@ def nearest_conflict(
 
 
 class _EgoPath:
-    """The ego's path, with the times (s) at which it was at its points; and when its passage begins."""
+    """The ego's path, with the times (s) at which it was at its points; and when its passage
+    begins."""
 
     def __init__(self, tree: cKDTree, then: FloatArray, begins: float) -> None:
         self._tree, self._then, self._begins = tree, then, begins
 
     def conflict_with(self, track: Track) -> tuple[float, ConflictPoint] | None:
-        """Return the conflict of a track with the path, and the time between both visits (s); None without a conflict."""
+        """Return the conflict of a track with the path, and the time between both visits (s); None
+        without a conflict."""
         columns = track.columns
         time = columns["time"]
         row = int(np.searchsorted(time, self._begins))
@@ -224,13 +229,15 @@ class _EgoPath:
 JUNCTION = (Label.LEFT_TURN, Label.RIGHT_TURN, Label.STRAIGHT_CROSS, Label.MERGING)
 """Classes whose passage is all the way through the junction"""
 ROUNDABOUT = (Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_EXITING, Label.ROUNDABOUT_CIRCULATING)
-"""Classes whose passage is what was recognised: entering and leaving have no other beginning and end"""
+"""Classes whose passage is what was recognised: entering and leaving have no other beginning and
+end"""
 _STANDS = 0.5
 """Speed (m/s) below which a participant stands"""
 _BEND = 0.1
 """Change of heading (rad) that is none yet, or left over"""
 _FLICKER = 0.5
-"""Stays (s) on another road that don't count: where lanes of a junction overlap, rows may jump between them"""
+"""Stays (s) on another road that don't count: where lanes of a junction overlap, rows may jump
+between them"""
 
 
 def passage(
@@ -288,7 +295,8 @@ def passage(
 def _inside(
     track: Track, network: RoadNetwork, time: float, timestep: float, turns: bool
 ) -> tuple[float, float]:
-    """Return the times at which a track enters and leaves the junction that it is in, or has just left, at a time (s).
+    """Return the times at which a track enters and leaves the junction that it is in, or has just
+    left, at a time (s).
 
     A turning vehicle enters where its heading begins to change, and leaves where the change ends. A
     vehicle that stands in the junction enters when it last sets off. For a track that begins or
@@ -321,7 +329,8 @@ def _inside(
 
 
 def _continuation(conflict: ConflictPoint, speed: float, end: float) -> SpeedChange:
-    """Return the speed change of the other vehicle from the conflict point (m/s) to its place at the end of the scene (s)."""
+    """Return the speed change of the other vehicle from the conflict point (m/s) to its place at
+    the end of the scene (s)."""
     last = min(end, float(conflict.other.columns["time"][-1]))
     duration = last - conflict.time
     if duration < SHORTEST:
@@ -382,7 +391,8 @@ class Maneuvers:
         return replace(found, speeds=self._speeds(label, found))
 
     def _speeds(self, label: Label, found: RecordedManeuver) -> tuple[float, float]:
-        """Range of speeds (m/s) on the ego's road when the manoeuvre begins: by the limit, else by the kind of road."""
+        """Range of speeds (m/s) on the ego's road when the manoeuvre begins: by the limit, else by
+        the kind of road."""
         columns = found.ego.columns
         row = min(int(np.searchsorted(columns["time"], found.begin)), len(columns["time"]) - 1)
         road, lane, s = (

@@ -66,11 +66,13 @@ class Passage(NamedTuple):
 
     @classmethod
     def of(cls, path: RecordedPath, time: float) -> Passage:
-        """Build the passage of an ego whose manoeuvre begins at its place at a time (s), without another participant."""
+        """Build the passage of an ego whose manoeuvre begins at its place at a time (s), without
+        another participant."""
         return cls(path, float(path.at(time)))
 
     def longest(self, speed: float) -> float:
-        """Return the time (s) of the ego at a speed (m/s) from the start of its path to the manoeuvre, at most `LONGEST`."""
+        """Return the time (s) of the ego at a speed (m/s) from the start of its path to the
+        manoeuvre, at most `LONGEST`."""
         return min(LONGEST, self.begin / speed) if speed > 0.0 else LONGEST
 
 
@@ -118,7 +120,8 @@ class RecordedManeuver:
 
     @property
     def delay(self) -> float:
-        """Time from the scene's start to the manoeuvre, s: the start time, as far as everyone can keep a speed until then."""
+        """Time from the scene's start to the manoeuvre, s: the start time, as far as everyone can
+        keep a speed until then."""
         delay = min(self.values.start_time, self.approach)
         if self.passage is not None:
             delay = min(delay, self.passage.longest(self.values.start_speed))
@@ -151,7 +154,8 @@ class Span(NamedTuple):
 SMOOTHING = 0.5
 """Window (s) over which speeds are averaged"""
 _PLACE, _HEADING = 0.02, 0.01
-"""Largest deviation of a trajectory from recorded positions (m) and headings (rad) that saves vertices."""
+"""Largest deviation of a trajectory from recorded positions (m) and headings (rad) that saves
+vertices."""
 _SPACING = 0.5
 """Distance (m) from point to point above the apparent motion of a standing vehicle"""
 
@@ -218,7 +222,8 @@ def speed_at(track: Track, time: float) -> float:
 def recorded_speeds(
     track: Track, path: RecordedPath, first: float, start: float, duration: float, rest: float
 ) -> list[float]:
-    """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
+    """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was
+    recorded on.
 
     Args:
         path: that way.

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 ABSENT = -1
-"""Index of an absent track or row; `recognition.labels.scene`, which has it too, needs numpy, and commands start without"""
+"""Index of an absent track or row; `recognition.labels.scene`, which has it too, needs numpy, and
+commands start without"""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,11 @@ DECLARED: Mapping[str, Parameter] = {
         "Jerk_mps3", 0.1, 15.0, "mps3", "rate at which the acceleration of the manoeuvre builds up"
     ),
 }
-"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.recordings.motion.observations`)."""
+"""All that scenarios may declare, by role; jerk up to what vehicles can do
+(`recognition.recordings.motion.observations`)."""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
-"""Parameter names, in scenarios of catalogues, of the other vehicle's speed, by that vehicle's role."""
+"""Parameter names, in scenarios of catalogues, of the other vehicle's speed, by that vehicle's
+role."""
 
 
 class Values(NamedTuple):

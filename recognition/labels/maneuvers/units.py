@@ -1,4 +1,5 @@
-"""Driven time and distance of recordings, which turn shares of manoeuvres into rates per hour or kilometre."""
+"""Driven time and distance of recordings, which turn shares of manoeuvres into rates per hour or
+kilometre."""
 
 from __future__ import annotations
 
@@ -137,7 +138,8 @@ class PairedUnits:
 
 
 def pairs(samples: Samples, first: str, second: str) -> PairedUnits:
-    """The pairs of units of two kinds that overlap in time, have the same ego, and the second actor ahead of the first one.
+    """The pairs of units of two kinds that overlap in time, have the same ego, and the second actor
+    ahead of the first one.
 
     The second unit's ego may be the first actor instead, then between the two. Speeds before the
     units are taken to be those at their beginning.
@@ -172,7 +174,8 @@ class Followed:
 
 
 def followed(samples: Samples, kind: str) -> Followed:
-    """The units of a kind whose egos brake or accelerate ahead of a vehicle, within `MOST_LAG` of the unit's beginning.
+    """The units of a kind whose egos brake or accelerate ahead of a vehicle, within `MOST_LAG` of
+    the unit's beginning.
 
     Where an ego does so several times, the time nearest to the unit's beginning counts. Speeds from
     one to the other are taken to be those of that time.
@@ -223,7 +226,8 @@ def _overlapping(samples: Samples, first: str, second: str) -> IntArray:
 DIGITS = 2
 """Decimal digits of numbers in files: recordings tell centimetres."""
 OWN = Path(__file__).with_name("own.parquet")
-"""Units of our own recordings of motorways and arterials, by `benchmarks/record.py` and `benchmarks/reconstruct.py --out`."""
+"""Units of our own recordings of motorways and arterials, by `benchmarks/record.py` and
+`benchmarks/reconstruct.py --out`."""
 
 Texts = NDArray[np.str_]
 _NAMES = tuple(parameter.name for parameter in PARAMETERS.values())

@@ -1,4 +1,5 @@
-"""Tables (CSV, Parquet, Feather) with columns that a TOML file declares: `columns.toml` or `NAME.columns.toml` beside `NAME.csv`.
+"""Tables (CSV, Parquet, Feather) with columns that a TOML file declares: `columns.toml` or
+`NAME.columns.toml` beside `NAME.csv`.
 
 Tables of the file: `columns` (names of columns; `track`, `time`, `x` and `y` are needed), `units`,
 `frame`, `categories`; `step` is the time from frame to frame, s. Nothing is guessed but the step:
@@ -62,8 +63,9 @@ _FRAME = {
     "heading_turns": ("left", "right"),
     "reference": ("centre", "rear axle", "front", "rear"),
 }
-"""Choices of the frame, the default first: the side of x on which y lies, the axis from which headings are counted and
-the way they turn as the axes lie, and the point of the vehicle whose place is recorded"""
+"""Choices of the frame, the default first: the side of x on which y lies, the axis from which
+headings are counted and the way they turn as the axes lie, and the point of the vehicle whose place
+is recorded"""
 _MICRO = 1_000_000
 
 
@@ -219,7 +221,8 @@ def _clock(form: ColumnsDeclaration, time: FloatArray, track: IntArray) -> tuple
 def _places(
     form: ColumnsDeclaration, values: Mapping[str, Any], rows: Rows
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Places (m) and headings (rad) in a right-handed frame; headings of motion where none are recorded."""
+    """Places (m) and headings (rad) in a right-handed frame; headings of motion where none are
+    recorded."""
     side = 1.0 if form.frame["y"] == "left" else -1.0
     x, y = (form.units["position"] * values[name][rows.order] for name in ("x", "y"))
     y = side * y

@@ -1,4 +1,5 @@
-"""Argoverse 2: motion forecasting scenarios, and sensor logs with annotated boxes; each with its own map.
+"""Argoverse 2: motion forecasting scenarios, and sensor logs with annotated boxes; each with its
+own map.
 
 Source: Wilson et al., "Argoverse 2: Next Generation Datasets for Self-Driving Perception and
 Forecasting" (NeurIPS 2021), and the schemas of the public av2 API. A scenario is
@@ -242,7 +243,8 @@ def _short(keys: list[str]) -> list[str]:
 
 
 def _frames(boxes: Table) -> tuple[IntArray, IntArray]:
-    """Time (ns) of each frame from the first to the last one, those without boxes included, and the frame of each row.
+    """Time (ns) of each frame from the first to the last one, those without boxes included, and the
+    frame of each row.
 
     Raises:
         InvalidFile: frames don't follow each other at 10 Hz.
@@ -270,7 +272,8 @@ def _frames(boxes: Table) -> tuple[IntArray, IntArray]:
 
 
 def _poses(path: Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Positions (n, 3) and rotations (n, 3, 3) of the recording vehicle at the times of frames, between poses interpolated.
+    """Positions (n, 3) and rotations (n, 3, 3) of the recording vehicle at the times of frames,
+    between poses interpolated.
 
     Raises:
         InvalidFile: times go back, a quaternion is none, or the poses begin after the frames or end
@@ -325,7 +328,8 @@ def _rotations(quaternions: FloatArray) -> FloatArray:
 def _in_city(
     boxes: Table, frame: IntArray, ego: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, y (m) of the middles of boxes, and their headings (rad), from the frame of the recording vehicle."""
+    """x, y (m) of the middles of boxes, and their headings (rad), from the frame of the recording
+    vehicle."""
     quaternions = np.stack([boxes[name] for name in _QUATERNION], axis=1)
     _check_quaternions(boxes, quaternions)
     middle = np.stack([boxes[name] for name in ("tx_m", "ty_m", "tz_m")], axis=1)

@@ -72,7 +72,8 @@ _LATEST = 100_000
 
 
 class State(NamedTuple):
-    """One state of an obstacle: time step, m, rad, m/s, m/s²; the acceleration is NaN where none is given."""
+    """One state of an obstacle: time step, m, rad, m/s, m/s²; the acceleration is NaN where none is
+    given."""
 
     step: int
     x: float
@@ -359,7 +360,8 @@ def document(path: Path, member: str | None = None) -> etree._Element:
 
 
 class _Entry(tarfile.TarInfo):
-    """An entry of an archive. Python takes a damaged header for the end of the archive; here it is an error."""
+    """An entry of an archive. Python takes a damaged header for the end of the archive; here it is
+    an error."""
 
     @classmethod
     def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
@@ -374,7 +376,8 @@ class _Entry(tarfile.TarInfo):
 
 @lru_cache(maxsize=1)
 def _archive(path: Path, _version: int) -> dict[str, tuple[tarfile.TarFile, tarfile.TarInfo]]:
-    """The files of an archive by name; it stays open, so that reading them one after the other unpacks it once."""
+    """The files of an archive by name; it stays open, so that reading them one after the other
+    unpacks it once."""
     current().admit(path)
     # Compressed archives can only be read forwards: opening them for each member would unpack them
     # from the beginning each time.
@@ -456,7 +459,8 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
 
 
 def _tagged(root: etree._Element) -> str:
-    """Type of roads, as in OpenDRIVE, from the tags of a scenario: elements from 2020a on, words of an attribute before."""
+    """Type of roads, as in OpenDRIVE, from the tags of a scenario: elements from 2020a on, words of
+    an attribute before."""
     tags = {str(tag.tag) for tag in root.iterfind("scenarioTags/*")} | set(
         (root.get("tags") or "").split()
     )

@@ -61,11 +61,13 @@ _CATEGORIES = {"car": "car", "truck": "truck"}
 _UPPER, _LOWER = 1, 2
 _NO_LIMIT = -1.0
 _STEADY = 5.0
-"""Below this speed (m/s) the boxes' lateral noise would turn slow vehicles: they head along the road ever more."""
+"""Below this speed (m/s) the boxes' lateral noise would turn slow vehicles: they head along the
+road ever more."""
 _ROUND = 10.0
 """The road ends at multiples of this, m."""
 _FARTHEST = 10_000.0
-"""Distance of a vehicle from the middle one that the road is made for, m; the recordings show 420 m."""
+"""Distance of a vehicle from the middle one that the road is made for, m; the recordings show 420
+m."""
 
 
 def claims(path: Path) -> bool:

@@ -68,7 +68,8 @@ _CATEGORIES = {
 }  # fmt: skip
 _UNSIZED = ("pedestrian", "bicycle")
 _EXID = {"latLaneCenterOffset", "laneChange"}
-"""Columns of exiD alone; its authors take sizes from the tracks, where the tables contradict each other"""
+"""Columns of exiD alone; its authors take sizes from the tracks, where the tables contradict each
+other"""
 _MAPS = ("maps", "lanelets", "lanelet2")
 _NEAR = 1.0
 """Origin and place of a recording are no farther apart, degrees of longitude."""

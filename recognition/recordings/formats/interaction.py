@@ -1,4 +1,5 @@
-"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets that follow them (TAF-BW).
+"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets that follow them
+(TAF-BW).
 
 Source: Zhan et al., "INTERACTION Dataset" (arXiv:1910.03088). In the first layout a recording is
 `vehicle_tracks_NNN.csv` and perhaps `pedestrian_tracks_NNN.csv` in a folder named after the site.
@@ -121,7 +122,8 @@ def sources(path: Path, roads: Path) -> list[Source]:
 
 
 def _has_phases(folder: Path) -> bool:
-    """Whether phases of traffic lights were recorded at the place of a folder (k733 of k733_2018-05-02), on whatever day."""
+    """Whether phases of traffic lights were recorded at the place of a folder (k733 of
+    k733_2018-05-02), on whatever day."""
     place = folder.name.split("_")[0]
     return any(
         file.parent.name.split("_")[0] == place
@@ -132,7 +134,8 @@ def _has_phases(folder: Path) -> bool:
 def _road(
     lanelets: Path | None, origin: tuple[float, float] | None, signalised: bool
 ) -> Callable[[Recording, Path], SiteRoad] | None:
-    """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files with their phases."""
+    """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files
+    with their phases."""
     return (
         None
         if lanelets is None
@@ -286,7 +289,8 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
 
 
 def _scaled(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
-    """Whether velocities are those of the positions but for one factor, as with a wrong step: the intake names it."""
+    """Whether velocities are those of the positions but for one factor, as with a wrong step: the
+    intake names it."""
     dx, dy = rate(x, rows), rate(y, rows)
     first, last = rows.starts[:-1], rows.starts[1:] - 1
     travelled = np.hypot(x[last] - x[first], y[last] - y[first]) >= MOVED

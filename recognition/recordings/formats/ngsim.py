@@ -58,7 +58,8 @@ BY_CONTENT = True
 STEP = 0.1
 FOOT = 0.3048
 _MISTAKEN_FOOT = 0.3084
-"""A slip of the pen in files that were converted to metres; they give it away, being whole hundredths of a foot only with it."""
+"""A slip of the pen in files that were converted to metres; they give it away, being whole
+hundredths of a foot only with it."""
 _MILLISECONDS, _FRAMES = 1000.0, 10.0
 _PERIOD = 60_000
 """Clocks of two periods of recording differ by more than this, ms."""
@@ -263,7 +264,8 @@ def _participants(
     unit: float,
     remarks: list[str],
 ) -> list[TrackParticipant]:
-    """Return the participants of the tracks from the columns class, length and width, where present."""
+    """Return the participants of the tracks from the columns class, length and width, where
+    present."""
     kind, *sizes = columns
     if kind in table.columns:
         unknown = ~np.isin(table[kind], list(_CATEGORIES))
@@ -303,7 +305,8 @@ def _read_metric(path: Path) -> tuple[Recording, Report]:
 
 
 def _turn(x: FloatArray, y: FloatArray, h: FloatArray, rows: Rows, remarks: list[str]) -> float:
-    """Quarter turns between the direction that headings count from and the x axis, from the motion, rad."""
+    """Quarter turns between the direction that headings count from and the x axis, from the motion,
+    rad."""
     vx, vy = rate(x, rows), rate(y, rows)
     # Sums over all rows: vehicles drive forwards on the whole, so their mean direction is 0 if
     # headings count from x.

@@ -1,4 +1,5 @@
-"""nuScenes: a folder of JSON tables with scenes of 20 s, boxes at 2 Hz, on maps of the map expansion (1.3 or later).
+"""nuScenes: a folder of JSON tables with scenes of 20 s, boxes at 2 Hz, on maps of the map
+expansion (1.3 or later).
 
 Source: Caesar et al., "nuScenes: A multimodal dataset for autonomous driving" (CVPR 2020), and the
 schemas of the public devkit. Read are `scene`, `log`, `sample`, `sample_annotation`, `instance`,
@@ -40,7 +41,8 @@ EGO = "ego"
 _STEP = 0.1
 _MICROSECONDS = 1e6
 _MISSING = 1.1
-"""Keyframes farther apart than this (s) have others between them, which are missing: 2 Hz is usual"""
+"""Keyframes farther apart than this (s) have others between them, which are missing: 2 Hz is usual
+"""
 _EGO_SIZE = (4.084, 1.73)
 """Length and width of the recording vehicles, Renault Zoe, m"""
 _LEVELS = 2
@@ -265,7 +267,8 @@ def _headings(table: Table) -> FloatArray:
 
 
 def _between(time: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Steps at 10 Hz from the first to the last keyframe, without those where keyframes are missing, and values in between."""
+    """Steps at 10 Hz from the first to the last keyframe, without those where keyframes are
+    missing, and values in between."""
     from scipy.interpolate import PchipInterpolator
 
     # Headings are interpolated: a jump of 2π between keyframes would spin the vehicle.

@@ -1,4 +1,5 @@
-"""ASAM OSI ground truth: `.osi` and `.mcap` traces of GroundTruth or SensorView messages, omega-prime's files among them.
+"""ASAM OSI ground truth: `.osi` and `.mcap` traces of GroundTruth or SensorView messages,
+omega-prime's files among them.
 
 Source: ASAM OSI 3.8; see `runner.exchange.traces`. Ground truth is taken as it is, without
 smoothing. Needs the extra `osi`.

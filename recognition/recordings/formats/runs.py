@@ -1,4 +1,5 @@
-"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as `xosc-run --out` writes them.
+"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as
+`xosc-run --out` writes them.
 
 The road network is the file that the run was on, where it is still there.
 """

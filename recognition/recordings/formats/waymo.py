@@ -1,4 +1,5 @@
-"""Waymo Open Motion scenes as GPUDrive's (and Nocturne's) JSON files: one scene a file, 91 steps at 10 Hz.
+"""Waymo Open Motion scenes as GPUDrive's (and Nocturne's) JSON files: one scene a file, 91 steps at
+10 Hz.
 
 Source: Ettinger et al., "Large Scale Interactive Motion Forecasting for Autonomous Driving: The
 Waymo Open Motion Dataset" (ICCV 2021); Kazemkhani et al., "GPUDrive" (ICLR 2025), and its public
@@ -92,7 +93,8 @@ def sources(path: Path, roads: Path) -> list[Source]:
 
 
 class _Object(NamedTuple):
-    """A participant, and its values in each valid step: step, x, y, heading, velocity along x and y."""
+    """A participant, and its values in each valid step: step, x, y, heading, velocity along x and
+    y."""
 
     who: TrackParticipant
     values: FloatArray
@@ -216,7 +218,8 @@ def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Object | Exclusion:
-    """A participant; an exclusion if its box is larger than any vehicle, such as the box of a group of them."""
+    """A participant; an exclusion if its box is larger than any vehicle, such as the box of a group
+    of them."""
     kind = value(one, "type", str, path, element)
     if kind not in _CATEGORIES:
         raise InvalidFile(

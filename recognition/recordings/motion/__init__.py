@@ -1,1 +1,2 @@
-"""Motion of recorded tracks: observations with noise, models of vehicles and pedestrians, the smoother."""
+"""Motion of recorded tracks: observations with noise, models of vehicles and pedestrians, the
+smoother."""

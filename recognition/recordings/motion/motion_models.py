@@ -1,4 +1,5 @@
-"""Motion models of smoothing: states of vehicles and pedestrians by damped Gauss-Newton steps over banded systems."""
+"""Motion models of smoothing: states of vehicles and pedestrians by damped Gauss-Newton steps over
+banded systems."""
 
 from __future__ import annotations
 
@@ -101,7 +102,8 @@ def _weighed(slopes: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _band(own: FloatArray, across: FloatArray) -> FloatArray:
-    """Lower band (2d, n d) of the symmetric matrix with diagonal blocks (n, d, d) and blocks below them (n - 1, d, d)."""
+    """Lower band (2d, n d) of the symmetric matrix with diagonal blocks (n, d, d) and blocks below
+    them (n - 1, d, d)."""
     n, d, _ = own.shape
     band = np.zeros((2 * d, n, d))
     for column in range(d):
@@ -116,13 +118,15 @@ X, Y, H, V, A, K = range(6)
 _SCALE = np.array([1.0, 1.0, 0.3, 3.0, 3.0, 0.1])
 """Usual changes of a state while the minimum is searched."""
 _EXACT = (0.003, 0.003, 0.0005, 0.003)
-"""Deviations of x, y, h, v from the model in a second, m, rad, m/s: the trapezoidal rule's, and slip."""
+"""Deviations of x, y, h, v from the model in a second, m, rad, m/s: the trapezoidal rule's, and
+slip."""
 _UNKNOWN = {A: 50.0, K: 2.0}
 """Deviations about 0 where nothing is known, so that tracks of few rows have a solution."""
 _STEADY = 50.0
 """Deviation (m/s) of the speed from that at the start of the search, likewise."""
 _FIRM = (0.1, 0.1, 0.1, 0.01)
-"""Excess of speed (m/s), acceleration along and across (m/s²) and yaw rate (rad/s) that weighs as one deviation of noise."""
+"""Excess of speed (m/s), acceleration along and across (m/s²) and yaw rate (rad/s) that weighs as
+one deviation of noise."""
 _FIRM_JERK = 0.05
 """Excess of jerk (m/s³) that does."""
 
@@ -174,7 +178,8 @@ def _rows(
 
 
 def _limit(value: FloatArray, by: FloatArray, z: FloatArray, seen: Observations) -> None:
-    """Enter how far rows are beyond limits, as residuals 6 to 9, and the derivatives where they are."""
+    """Enter how far rows are beyond limits, as residuals 6 to 9, and the derivatives where they
+    are."""
     v, a, k, limits = z[:, V], z[:, A], z[:, K], seen.bounds
     one = np.ones(len(z))
     limited = (
@@ -193,7 +198,8 @@ def _limit(value: FloatArray, by: FloatArray, z: FloatArray, seen: Observations)
 
 
 def _between(z: FloatArray, seen: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals of intervals (model, noise, limit of jerk), and their derivatives by the states before and after."""
+    """Residuals of intervals (model, noise, limit of jerk), and their derivatives by the states
+    before and after."""
     dt, m, noise = seen.steps, len(z) - 1, seen.noise
     mean, change = 0.5 * (z[:-1] + z[1:]), z[1:] - z[:-1]
     cos, sin, (v, a, k) = np.cos(mean[:, H]), np.sin(mean[:, H]), mean[:, V:].T
@@ -217,7 +223,8 @@ def _between(z: FloatArray, seen: Observations) -> tuple[FloatArray, FloatArray,
 
 _PEDESTRIAN_SCALE = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 3.0])
 _PEDESTRIAN_EXACT = 0.003
-"""Deviation of positions (m) and velocities (m/s) from the model in a second: the trapezoidal rule's."""
+"""Deviation of positions (m) and velocities (m/s) from the model in a second: the trapezoidal
+rule's."""
 _PEDESTRIAN_UNKNOWN = 50.0
 """Deviation of velocities (m/s) and accelerations (m/s²) about 0 where nothing is known."""
 _TURNS = 0.5

@@ -15,8 +15,8 @@ from schemas.common.array_types import FloatArray, IntArray
 
 
 class KinematicLimits(NamedTuple):
-    """Greatest speed and speed in reverse (m/s), acceleration and braking along the path, acceleration across it (m/s²), jerk
-    (m/s³), yaw rate (rad/s)."""
+    """Greatest speed and speed in reverse (m/s), acceleration and braking along the path,
+    acceleration across it (m/s²), jerk (m/s³), yaw rate (rad/s)."""
 
     speed: float
     reverse: float
@@ -39,12 +39,13 @@ LIMITS = {
     "bicycle": KinematicLimits(20.0, 1.0, 3.0, 6.0, 5.0, 15.0, 1.5),
     "pedestrian": KinematicLimits(10.0, 0.0, 5.0, 5.0, 5.0, 30.0, 3.2),
 }
-"""Sources. Acceleration up to 5 m/s², jerk up to 15 m/s³: Punzo, Borzacchiello and Ciuffo (Transp. Res. C 19, 2011), Montanino
-and Punzo (Transp. Res. B 80, 2015), with no more in the sound part of NGSIM. Braking of 9 m/s² and
-8 m/s² across: tyres on dry asphalt; SUMO's emergency braking of cars is 9 m/s² too. Heavy vehicles
-brake at up to 8 m/s², and tip over beyond 5 m/s² across (Gillespie, Fundamentals of Vehicle
-Dynamics, 1992). Yaw rates: what the smallest turning circle (11 m, 20 m of heavy vehicles) allows
-at a walking speed of 5 m/s. Speeds are those that catalogue entries of the category have."""
+"""Sources. Acceleration up to 5 m/s², jerk up to 15 m/s³: Punzo, Borzacchiello and Ciuffo (Transp.
+Res. C 19, 2011), Montanino and Punzo (Transp. Res. B 80, 2015), with no more in the sound part of
+NGSIM. Braking of 9 m/s² and 8 m/s² across: tyres on dry asphalt; SUMO's emergency braking of cars
+is 9 m/s² too. Heavy vehicles brake at up to 8 m/s², and tip over beyond 5 m/s² across (Gillespie,
+Fundamentals of Vehicle Dynamics, 1992). Yaw rates: what the smallest turning circle (11 m, 20 m of
+heavy vehicles) allows at a walking speed of 5 m/s. Speeds are those that catalogue entries of the
+category have."""
 
 
 class Bounds(NamedTuple):
@@ -149,7 +150,8 @@ _REACH = 1.0
 
 
 def deviation(rows: Rows, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Standard deviation of the position of each row, m: root mean square, within a second, of the distance from local parabolas.
+    """Standard deviation of the position of each row, m: root mean square, within a second, of the
+    distance from local parabolas.
 
     It counts errors that last for some rows, unlike differences from row to row, and is large where
     a track is bad for a while. Parts shorter than two seconds have the median of all rows.
@@ -182,11 +184,13 @@ _AWAY = 2.0
 _FAR = 15.0
 """Distance (m) that jitter about a place does not lead away."""
 _SHARP = 1.0
-"""Turn from row to row (rad) that ends a stretch: no vehicle turns so fast, it goes the other way."""
+"""Turn from row to row (rad) that ends a stretch: no vehicle turns so fast, it goes the other way.
+"""
 
 
 def headings(rows: Rows, seen: Observations) -> FloatArray:
-    """Headings (rad) by the motion where there is some, without jumps of whole turns within a track.
+    """Headings (rad) by the motion where there is some, without jumps of whole turns within a
+    track.
 
     In between the heading is that of the last motion; without any, the mean of the recorded ones.
     """

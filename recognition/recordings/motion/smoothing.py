@@ -1,4 +1,5 @@
-"""Smoothing of recorded tracks: jumps and wrong ends are cut, states are estimated from positions and headings."""
+"""Smoothing of recorded tracks: jumps and wrong ends are cut, states are estimated from positions
+and headings."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from schemas.common.errors import InvalidFile
 EDGE = 3.0
 """Time (s) from the ends of a track in which it may be at the edge of the view."""
 TURN = 2.0
-"""Acceleration (m/s²) with which nothing turns from forwards to backwards: twice that of usual starting."""
+"""Acceleration (m/s²) with which nothing turns from forwards to backwards: twice that of usual
+starting."""
 _MOVING = ("vehicle", "pedestrian")
 _LEAST = 0.5
 """Shortest rest (s) of a track."""
@@ -60,7 +62,8 @@ def edges(
 def _of(
     rows: Rows, index: int, first: int, last: int, speed: FloatArray, acceleration: FloatArray
 ) -> Iterator[Edge]:
-    """The wrong ends of one track, which turns for the first and for the last time after these rows."""
+    """The wrong ends of one track, which turns for the first and for the last time after these
+    rows."""
     start, end, time = int(rows.starts[index]), int(rows.starts[index + 1]), rows.time
     hard = [
         float(acceleration[row : row + 2][np.abs(acceleration[row : row + 2]).argmax()])
@@ -165,7 +168,8 @@ def _jumps(rows: Rows, place: FloatArray) -> Iterator[tuple[int, FloatArray]]:
 RAW = ("x", "y", "h", "speed", "acceleration")
 """Columns that are smoothed; as they were recorded they stay as raw_x, raw_y and so on."""
 _ROWS = 1000
-"""Rows that are smoothed at a time, or one track: more are slower, as they leave the processor's cache."""
+"""Rows that are smoothed at a time, or one track: more are slower, as they leave the processor's
+cache."""
 _HARD = 0.98
 """Share of the limits of acceleration and braking from which on a vehicle is named"""
 _LEAST = 0.5
@@ -190,7 +194,8 @@ def smoothed(
     report: Report,
     noise: Noise | None = None,
 ) -> Smoothed:
-    """Cut tracks where they jump, and smooth them; those whose places move at other speeds than stated stay as they are.
+    """Cut tracks where they jump, and smooth them; those whose places move at other speeds than
+    stated stay as they are.
 
     Args:
         who: participant of each track.
@@ -247,7 +252,8 @@ def _check_step(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -
 def centres(
     rows: Rows, who: Sequence[TrackParticipant], columns: Columns
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres x, y (m) of the boxes of the participants of tracks, from their reference points and headings."""
+    """Centres x, y (m) of the boxes of the participants of tracks, from their reference points and
+    headings."""
     behind = rows.each([one.box.x for one in who])
     return columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(
         columns["h"]
@@ -336,7 +342,8 @@ def _tell_hard(
     acceleration: FloatArray,
     bounds: Bounds,
 ) -> None:
-    """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be wrong there."""
+    """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be
+    wrong there."""
     hard = (acceleration > _HARD * bounds.acceleration) | (acceleration < -_HARD * bounds.braking)
     counts = (
         np.add.reduceat(hard, rows.starts[:-1], dtype=np.int64)
@@ -382,7 +389,8 @@ def states(
 
 
 def _batches(who: Sequence[TrackParticipant], sizes: IntArray) -> Iterator[tuple[str, int, int]]:
-    """Tracks of one kind that follow each other, from first to before last, with about `_ROWS` rows together."""
+    """Tracks of one kind that follow each other, from first to before last, with about `_ROWS` rows
+    together."""
     first, count = 0, 0
     for index, (one, size) in enumerate(zip(who, sizes.tolist(), strict=True)):
         if index > first and (one.kind != who[first].kind or count + size > _ROWS):

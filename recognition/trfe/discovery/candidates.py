@@ -116,7 +116,8 @@ def sift(
 
 
 def _isolation(distances: FloatArray, neighbours: int) -> FloatArray:
-    """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself, from all distances (m, m)."""
+    """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself, from all
+    distances (m, m)."""
     np.fill_diagonal(distances, np.inf)
     return np.partition(distances, neighbours - 1, axis=1)[:, :neighbours].mean(axis=1)
 
@@ -175,7 +176,8 @@ def cohesion(similarity: NDArray[np.float32]) -> float:
 
 
 def known_cohesion(similarity: NDArray[np.float32], labels: ArrayLike) -> float:
-    """Median over the known classes of their own cohesion, from the similarity (n, n) of labelled samples."""
+    """Median over the known classes of their own cohesion, from the similarity (n, n) of labelled
+    samples."""
     truth = class_labels(labels, len(similarity))
     return float(
         np.median(

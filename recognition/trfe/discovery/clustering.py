@@ -1,4 +1,5 @@
-"""Online clustering (OC): a known-class head and a novel head learn together which unknown samples belong together.
+"""Online clustering (OC): a known-class head and a novel head learn together which unknown samples
+belong together.
 
 q is the softmax over the K known classes, p over Q candidates for new ones; a prime marks the
 augmented view of a sample. L = L_ce + L_clu + ω(e) L_con with L_ce: cross entropy of q on labelled
@@ -81,9 +82,11 @@ class Pairs(NamedTuple):
 
 
 PairsOf = Callable[[Callable[[], Features]], Pairs]
-"""Called at the beginning of each epoch with a function that gives the backbone's features (n, d) of the unknown samples."""
+"""Called at the beginning of each epoch with a function that gives the backbone's features (n, d)
+of the unknown samples."""
 NovelHead = Callable[[Features, int], nn.Linear]
-"""Makes the novel head from the backbone's features (n, d) of the unknown samples and a seed; it draws from torch's generator."""
+"""Makes the novel head from the backbone's features (n, d) of the unknown samples and a seed; it
+draws from torch's generator."""
 
 
 class _Data(NamedTuple):
@@ -101,7 +104,8 @@ def consistency_weight(epoch: int, config: Clustering) -> float:
 
 
 def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pairs:
-    """Which pairs are alike and which are different by S (n, n), with the quantiles of the settings."""
+    """Which pairs are alike and which are different by S (n, n), with the quantiles of the
+    settings."""
     low, high = np.quantile(
         similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive]
     )
@@ -132,7 +136,8 @@ class Heads(nn.Module):
 
 
 class Projection(nn.Module):
-    """Trainable correction of frozen features (n, d), at first the identity: clustering learns it where the encoder is frozen."""
+    """Trainable correction of frozen features (n, d), at first the identity: clustering learns it
+    where the encoder is frozen."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -161,7 +166,8 @@ def cluster(
     seed: int = 0,
     augment: Augment = jitter,
 ) -> Clusters:
-    """Cluster unknown samples (n, …) with the help of labelled known ones (m, …), in the supervised checkpoint `backbone`.
+    """Cluster unknown samples (n, …) with the help of labelled known ones (m, …), in the supervised
+    checkpoint `backbone`.
 
     Args:
         backbone: maps samples to features; it is trained on, from the state it is given in.
@@ -207,7 +213,8 @@ def random_head(features: Features, candidates: int) -> nn.Linear:
 
 
 def k_means_head(features: Features, candidates: int, seed: int) -> nn.Linear:
-    """A novel head that starts as the nearest-centre classifier of k-means clusters, as many as candidates.
+    """A novel head that starts as the nearest-centre classifier of k-means clusters, as many as
+    candidates.
 
     Of fewer samples than candidates it is a `random_head`.
     """
@@ -243,7 +250,8 @@ def _heads(
 
 
 def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
-    """The classifier of features by the nearest of centres (K, d), with the deviation of features (n, d) assigned to them."""
+    """The classifier of features by the nearest of centres (K, d), with the deviation of features
+    (n, d) assigned to them."""
     within = (features - centres[assigned]).square().mean().clamp(min=_LEAST)
     layer = nn.Linear(features.shape[1], len(centres))
     with torch.no_grad():
@@ -260,7 +268,8 @@ def _epoch(
     config: Clustering,
     augment: Augment,
 ) -> FloatArray:
-    """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce, L_clu, L_con."""
+    """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce,
+    L_clu, L_con."""
     total = torch.zeros(3)
     for batch in torch.randperm(len(data.samples)).split(config.batch):
         count = len(batch)
@@ -292,14 +301,15 @@ def _batched(module: Callable[[Tensor], Tensor], inputs: Tensor, batch: int) -> 
 
 
 _STABLE = 0.65
-"""Prediction strength from which on clusters are taken to be real. The source has 0.8 to 0.9, which one class of two kinds in a
-hundred samples seldom reaches."""
+"""Prediction strength from which on clusters are taken to be real. The source has 0.8 to 0.9, which
+one class of two kinds in a hundred samples seldom reaches."""
 _DIVISIONS = 16
 """Number of times samples are divided in halves."""
 
 
 def likely_count(features: Features, most: int, seed: int) -> int:
-    """The number of clusters, up to `most`, at which the inertia of k-means bends most, among those that are stable.
+    """The number of clusters, up to `most`, at which the inertia of k-means bends most, among those
+    that are stable.
 
     Stable are numbers whose prediction strength is at least 0.65: features (n, d) are divided in
     halves, k-means clusters each, and the strength is the share of pairs of samples of one cluster
@@ -328,7 +338,8 @@ def likely_count(features: Features, most: int, seed: int) -> int:
 def _stable_strength(
     features: Features, halves: Sequence[Sequence[IntArray]], count: int, seed: int
 ) -> float | None:
-    """The mean strength of a number of clusters over divisions; None as soon as it can't become that of a stable one."""
+    """The mean strength of a number of clusters over divisions; None as soon as it can't become
+    that of a stable one."""
     strengths: list[float] = []
     for one, other in halves:
         strengths.append(_strength(features[one], features[other], count, seed))

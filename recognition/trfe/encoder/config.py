@@ -25,7 +25,8 @@ class Sizes(Protocol):
 
 @dataclass(frozen=True)
 class Architecture:
-    """A transformer over space-time patches (after TimeSformer: Bertasius, Wang, Torresani, ICML 2021).
+    """A transformer over space-time patches (after TimeSformer: Bertasius, Wang, Torresani, ICML
+    2021).
 
     Attributes:
         dim, depth, heads: size of the tokens and of the features, number of blocks, attention
@@ -91,7 +92,8 @@ class TokenArchitecture:
 
 
 class TrainingSchedule(NamedTuple):
-    """Training schedule: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
+    """Training schedule: AdamW with a linear warm-up over the first tenth and a cosine decay to
+    zero.
 
     Attributes:
         epochs, batch: passes over the windows, and windows in a step.
@@ -130,8 +132,8 @@ PRESETS: dict[str, Preset] = {
         TrainingSchedule(30, 128, 3e-4),
     ),
 }
-"""`tokens` is what ships. The others read occupancy grids: `cpu` trains at paper scale in minutes on two cores, `full` has the
-size of the publication and wants a GPU."""
+"""`tokens` is what ships. The others read occupancy grids: `cpu` trains at paper scale in minutes
+on two cores, `full` has the size of the publication and wants a GPU."""
 
 
 def preset(name: str, presets: Mapping[str, Preset] = PRESETS) -> Preset:

@@ -1,4 +1,5 @@
-"""Transformers over tokens of participants: blocks, the encoder's base class, the encoder that ships."""
+"""Transformers over tokens of participants: blocks, the encoder's base class, the encoder that
+ships."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ class Attention(nn.Module):
     def forward(
         self, tokens: Tensor, there: Tensor | None = None, count: int | None = None
     ) -> Tensor:
-        """Return the attention output of all tokens, or of the first `count`, over the present ones (n, tokens)."""
+        """Return the attention output of all tokens, or of the first `count`, over the present ones
+        (n, tokens)."""
         normed, dim = self.norm(tokens), tokens.shape[-1]
         weights, biases = (
             self.mixed.weight.split((dim, 2 * dim)),
@@ -64,7 +66,8 @@ class AttentionBlock(nn.Module):
     def forward(
         self, tokens: Tensor, there: Tensor | None = None, count: int | None = None
     ) -> Tensor:
-        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the first `count` frames."""
+        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the
+        first `count` frames."""
         seen, wanted = None if there is None else there.flatten(1), tokens[:, :count]
         attended = self.attention(tokens.flatten(1, 2), seen, wanted.shape[1] * wanted.shape[2])
         tokens = wanted + attended.view_as(wanted)
@@ -132,11 +135,13 @@ _FURTHEST = 5.0
 _SPREAD = 0.02
 """Standard deviation of untrained embeddings of places, times and kinds"""
 _NOISE, _MISSED, _CUT = 0.03, 0.1, 0.15
-"""Of augmentation: noise of all features, shares of missing others and of windows cut at either end"""
+"""Of augmentation: noise of all features, shares of missing others and of windows cut at either end
+"""
 
 
 class TokenEncoder(Encoder):
-    """A transformer over tokens, each a participant for some frames; features are what the ego's have taken in.
+    """A transformer over tokens, each a participant for some frames; features are what the ego's
+    have taken in.
 
     Args:
         architecture: its sizes.
@@ -164,7 +169,8 @@ class TokenEncoder(Encoder):
             nn.init.normal_(self.kind, std=_SPREAD)
 
     def forward(self, values: Tensor) -> Tensor:
-        """Features (n, dim) of windows (n, participants, frames, features), NaN for absent participants.
+        """Features (n, dim) of windows (n, participants, frames, features), NaN for absent
+        participants.
 
         Raises:
             UsageError: windows of another shape.
@@ -181,7 +187,8 @@ class TokenEncoder(Encoder):
         return self.norm(ego.float())
 
     def embedded(self, values: Tensor) -> tuple[Tensor, Tensor]:
-        """Tokens (n, participants, times, dim) before the blocks, and the mask of present participants."""
+        """Tokens (n, participants, times, dim) before the blocks, and the mask of present
+        participants."""
         there = ~values[..., 0].isnan()
         seen = torch.cat(
             [torch.nan_to_num(values.float()).clamp(-_FURTHEST, _FURTHEST), there.unsqueeze(-1)],
@@ -206,7 +213,8 @@ class TokenEncoder(Encoder):
         return values.masked_fill(missed[..., None, None], torch.nan)
 
     def _cut(self, values: Tensor) -> Tensor:
-        """Remove the participants before or after some time in a share of the windows, as at the ends of a recording."""
+        """Remove the participants before or after some time in a share of the windows, as at the
+        ends of a recording."""
         count, frames = values.shape[0], values.shape[2]
         most = frames // 2 - 1
         lost = torch.rand((2, count, 1), device=values.device)
@@ -219,7 +227,8 @@ class TokenEncoder(Encoder):
 _SHIFT = (1, 2)
 """Greatest shift, in rows and columns."""
 _DROPPED = 0.1
-"""Share of the cells that are emptied, in all frames and channels. `_NOISE` is the greatest relative change of others' values."""
+"""Share of the cells that are emptied, in all frames and channels. `_NOISE` is the greatest
+relative change of others' values."""
 
 
 def augmented(grids: Tensor) -> Tensor:
@@ -282,7 +291,8 @@ class GridEncoder(Encoder):
         self.blocks = nn.ModuleList(AttentionBlock(architecture) for _ in range(architecture.depth))
 
     def forward(self, grids: Tensor) -> Tensor:
-        """Features (n, dim) of grids (n, frames, channels, rows, columns), uint8 or floats from 0 to 255.
+        """Features (n, dim) of grids (n, frames, channels, rows, columns), uint8 or floats from 0
+        to 255.
 
         Raises:
             UsageError: the grids have another shape than the encoder's.
@@ -324,7 +334,8 @@ class GridEncoder(Encoder):
 
 
 def _drawn(*shape: int) -> Tensor:
-    """Untrained embeddings; no numbers on the device `meta`, for which torch would import its compiler first."""
+    """Untrained embeddings; no numbers on the device `meta`, for which torch would import its
+    compiler first."""
     values = torch.empty(shape)
     return values if values.is_meta else values.normal_(std=_SPREAD)
 

@@ -1,4 +1,5 @@
-"""Encoders in a folder: weights as safetensors, everything else as JSON; and features of many windows."""
+"""Encoders in a folder: weights as safetensors, everything else as JSON; and features of many
+windows."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encod
 
 
 def rounded(encoder: Encoder) -> Encoder:
-    """The encoder, with weights that half precision holds, so that it takes half the space when stored."""
+    """The encoder, with weights that half precision holds, so that it takes half the space when
+    stored."""
     for value in encoder.state_dict().values():
         value.copy_(value.half())
     return encoder
@@ -99,7 +101,8 @@ def _weights(path: Path) -> Tensors:
 
 
 def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture]) -> Encoder:
-    """The encoder that a file describes. It takes memory only if these weights, `of` another file, are of its shapes."""
+    """The encoder that a file describes. It takes memory only if these weights, `of` another file,
+    are of its shapes."""
     config = read_object(path)
     try:
         if config["format"] != _FORMAT:

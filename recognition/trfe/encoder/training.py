@@ -22,7 +22,8 @@ from recognition.trfe.training.windows import View, Windows
 from schemas.common.errors import UsageError
 
 _THREADS = 2
-"""Most threads. Sums over threads depend on how many there are, so it is the same on all machines that have as many cores."""
+"""Most threads. Sums over threads depend on how many there are, so it is the same on all machines
+that have as many cores."""
 _WARM_UP = 0.1
 _GREATEST_NORM = 1.0
 """Gradients are cut to this norm."""
@@ -37,7 +38,8 @@ def device() -> torch.device:
 
 @contextmanager
 def deterministic(seed: int) -> Iterator[None]:
-    """Same seed, same weights, on one kind of machine: within, torch is seeded and its algorithms and threads are fixed."""
+    """Same seed, same weights, on one kind of machine: within, torch is seeded and its algorithms
+    and threads are fixed."""
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     threads, mode = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     memory: Any = torch.utils.deterministic
@@ -127,7 +129,8 @@ _SHIFTS = (-2, -1, 0, 1, 2)
 
 
 class MaskedMotion(nn.Module):
-    """Loss of masked motion: mean absolute error of the ego's features, predicted from the rest of the window.
+    """Loss of masked motion: mean absolute error of the ego's features, predicted from the rest of
+    the window.
 
     Source: masked autoencoding as in He et al., "Masked Autoencoders Are Scalable Vision Learners"
     (CVPR 2022), for trajectories Chen et al., "Traj-MAE" (ICCV 2023).
@@ -186,7 +189,8 @@ _OFF_DIAGONAL = 5e-3
 
 
 class FrameOrder(nn.Module):
-    """Which permutation of the frames a window was shown in: cross-entropy over all of them (Misra et al., ECCV 2016)."""
+    """Which permutation of the frames a window was shown in: cross-entropy over all of them (Misra
+    et al., ECCV 2016)."""
 
     def __init__(self, encoder: GridEncoder) -> None:
         super().__init__()

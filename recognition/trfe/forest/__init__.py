@@ -1,4 +1,5 @@
-"""Random forests that vote on classes: votes, distances to neighbours as features, path similarity (RFAP)."""
+"""Random forests that vote on classes: votes, distances to neighbours as features, path similarity
+(RFAP)."""
 
 from __future__ import annotations
 
@@ -215,7 +216,8 @@ class VotingForest(NamedTuple):
         return classes[classes != UNKNOWN]
 
     def vote(self, features: ArrayLike) -> Votes:
-        """Votes on features (n, d), see `recognition.trfe.forest.votes`, and distances to the known classes."""
+        """Votes on features (n, d), see `recognition.trfe.forest.votes`, and distances to the known
+        classes."""
         seen, classes = self.inputs(features), len(self.classes)
         distances = (
             np.exp(seen[:, -classes:].min(axis=1).astype(np.float64)) if self.neighbours else None
@@ -256,8 +258,8 @@ def grow(
 
 
 _ROWS, _TREES = 128, 16
-"""Rows of the matrix filled at a time, which stay in the processor's cache while so many trees add to them; more trees at a
-time would need more memory for their overlaps."""
+"""Rows of the matrix filled at a time, which stay in the processor's cache while so many trees add
+to them; more trees at a time would need more memory for their overlaps."""
 
 
 def similarity(
@@ -282,7 +284,8 @@ def similarity(
 
 
 def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float32], IntArray]:
-    """Overlap (L, L) of the paths to the L leaves that are reached, and the leaf (n,) of each sample.
+    """Overlap (L, L) of the paths to the L leaves that are reached, and the leaf (n,) of each
+    sample.
 
     Samples in the same leaf share their path, so one sample of each leaf is enough for the product
     Z_b Z_bᵀ.
@@ -297,7 +300,8 @@ def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float3
 def random_trees(
     features: ArrayLike, trees: int = 250, depth: int = 8, seed: int = 0
 ) -> RandomTreesEmbedding:
-    """Completely random trees grown on features (n, d) without labels: the unsupervised forest for `similarity`.
+    """Completely random trees grown on features (n, d) without labels: the unsupervised forest for
+    `similarity`.
 
     Source: Geurts, Ernst, Wehenkel, "Extremely Randomized Trees" (Machine Learning 63, 2006), in
     their unsupervised form.

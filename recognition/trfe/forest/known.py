@@ -1,4 +1,5 @@
-"""Known classes: learning from labelled samples, the choice of δ; and a round of discovery of new ones."""
+"""Known classes: learning from labelled samples, the choice of δ; and a round of discovery of new
+ones."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def choose_delta(
     deltas: Sequence[float] = DELTAS,
     seed: int = 0,
 ) -> float:
-    """The δ with the greatest macro-F1 over the known classes and unknown, the mean over the classes left out one by one.
+    """The δ with the greatest macro-F1 over the known classes and unknown, the mean over the
+    classes left out one by one.
 
     Macro-F1 is what open-set recognition is judged by; with balanced accuracy in its place δ grows
     too large for many classes, where a sample rejected by mistake costs more than one accepted by
@@ -261,7 +263,8 @@ def discover(known: KnownClasses, buffer: Buffer, config: Config, steps: Steps) 
 def clustering_axes(
     own: Labelled, unknown: Features, config: Config, steps: Steps
 ) -> PrincipalAxes:
-    """The axes along which unknown samples with these features (n, d) are clustered, beside samples of the known classes."""
+    """The axes along which unknown samples with these features (n, d) are clustered, beside samples
+    of the known classes."""
     parts, beside = config.clustering_parts(own.features), config.clustering_parts(unknown)
     if config.changes:
         around = [steps.prototypes(parts[0], own.labels, beside[0])]

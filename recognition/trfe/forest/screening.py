@@ -1,4 +1,5 @@
-"""Screenings: which samples belong to no known class, by votes and distances; the base class and EVT models."""
+"""Screenings: which samples belong to no known class, by votes and distances; the base class and
+EVT models."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ State = Mapping[str, NDArray[Any]]
 
 
 class Screening(ABC):
-    """Decides from votes (n, K) of a forest, and perhaps distances (n,), which samples belong to no known class.
+    """Decides from votes (n, K) of a forest, and perhaps distances (n,), which samples belong to no
+    known class.
 
     All that an instance holds are numbers and arrays, so that it can be stored without pickle.
 
@@ -41,7 +43,8 @@ class Screening(ABC):
         trees: int | None = None,
         distances: FloatArray | None = None,
     ) -> Self:
-        """Calibrate on votes (n, K) of samples that the forest was not fitted on, and their true labels (n,).
+        """Calibrate on votes (n, K) of samples that the forest was not fitted on, and their true
+        labels (n,).
 
         Args:
             votes, labels: of the samples.
@@ -108,7 +111,8 @@ class Screening(ABC):
 
     @abstractmethod
     def _calibrate(self, votes: IntArray, columns: IntArray, distances: FloatArray | None) -> None:
-        """Fit to votes (n, K) and distances (n,), where `columns` (n,) are the columns of the true classes."""
+        """Fit to votes (n, K) and distances (n,), where `columns` (n,) are the columns of the true
+        classes."""
 
     @abstractmethod
     def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray: ...
@@ -198,14 +202,16 @@ class EvtScreening(Screening):
 def survival(
     values: FloatArray, calibrated: FloatArray, limit: float, shape: float, scale: float
 ) -> FloatArray:
-    """Share (n,) of calibrated values (m,), ascending, that are at least as great; beyond the limit that of the tail."""
+    """Share (n,) of calibrated values (m,), ascending, that are at least as great; beyond the limit
+    that of the tail."""
     empirical = 1.0 - np.searchsorted(calibrated, values) / len(calibrated)
     excess = values - limit
     return np.where(excess <= 0.0, empirical, TAIL * genpareto.sf(excess, shape, scale=scale))
 
 
 def tail(excesses: FloatArray) -> tuple[float, float]:
-    """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the exponential one if few."""
+    """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the
+    exponential one if few."""
     if len(excesses) < _FEWEST_EXCEEDANCES:
         return 0.0, float(excesses.mean()) if len(excesses) else 1.0
     shape, _, scale = genpareto.fit(excesses, floc=0.0)
@@ -213,7 +219,8 @@ def tail(excesses: FloatArray) -> tuple[float, float]:
 
 
 class EvtJoint(EvtScreening):
-    """score = 1 − p, with p = q (1 − ln q), q = s(d) · s(r): Fisher's combined significance of both survivals.
+    """score = 1 − p, with p = q (1 − ln q), q = s(d) · s(r): Fisher's combined significance of both
+    survivals.
 
     s(d) is that of d = T − max_k v_k + U(0, 1), the votes that the best class lacks, for all known
     classes together: with a distribution for each class, the class that trees are most torn about

@@ -18,9 +18,11 @@ Features = NDArray[np.float32]
 UNKNOWN = 0
 """Label of what belongs to no known class; the same as `recognition.labels.Label.UNKNOWN`."""
 BACKGROUND = 100
-"""Label of windows in which nothing happens that a class is for; a known class to the model, and nothing to be found."""
+"""Label of windows in which nothing happens that a class is for; a known class to the model, and
+nothing to be found."""
 _QUIET = 3
-"""Samples of the background that are drawn for each one of a class: it is of many kinds, and most of what a recording holds."""
+"""Samples of the background that are drawn for each one of a class: it is of many kinds, and most
+of what a recording holds."""
 
 
 def matrix(features: ArrayLike, width: int | None = None, least: int = 0) -> Features:
@@ -71,7 +73,8 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Int
 
 
 def drawn_of_each(labels: IntArray, most: int | None, generator: np.random.Generator) -> IntArray:
-    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in the order drawn.
+    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in
+    the order drawn.
 
     Of the background there may be three times as many.
     """
@@ -101,7 +104,8 @@ def unit(features: Features) -> Features:
 _OWN = 0.95
 """Share of a class's own samples that are within its radius."""
 _SHRINKAGE = 0.05
-"""Of the covariance, so that few samples do not make directions that they hardly vary in count most."""
+"""Of the covariance, so that few samples do not make directions that they hardly vary in count
+most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +239,8 @@ class PrincipalAxes(NamedTuple):
         )
 
     def project(self, parts: Sequence[Features]) -> Features:
-        """Coordinates (n, c) along the axes of samples whose features are in these parts, each (n, .)."""
+        """Coordinates (n, c) along the axes of samples whose features are in these parts, each (n,
+        .)."""
         weighted = zip(self.prototypes, parts, _WEIGHTS, strict=False)
         return (
             np.concatenate(

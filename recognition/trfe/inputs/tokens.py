@@ -1,4 +1,5 @@
-"""Tokens: the ego and the others about it over time, in lane coordinates: what the shipped encoder reads of a scene."""
+"""Tokens: the ego and the others about it over time, in lane coordinates: what the shipped encoder
+reads of a scene."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ RELATIVE = (
     "along", "aside", "ahead", "left", "closing_ahead", "closing_left", "cos", "sin", "lanes_left",
     "is_lead", "is_follower", "same_way", "merging",
 )  # fmt: skip
-"""Of a participant relative to the ego at the same time; of the ego relative to itself at the middle of the window:
+"""Of a participant relative to the ego at the same time; of the ego relative to itself at the
+middle of the window:
 
 - `along`, `aside`: distance along the lanes, and to the left across them, m; 0 where lanes do not
   connect the two;
@@ -40,7 +42,8 @@ RELATIVE = (
   `along` is by how much it is nearer to it.
 """
 TRAFFIC = ("offset", "gap", "headway", "has_lead")
-"""Of a participant in its lane: m to the left of the centre; gap (m) and time headway (s) to its lead, which may be absent."""
+"""Of a participant in its lane: m to the left of the centre; gap (m) and time headway (s) to its
+lead, which may be absent."""
 ROAD = (
     "border_left",
     "border_right",
@@ -51,12 +54,12 @@ ROAD = (
     "limit",
     "has_limit",
 )
-"""Of the lane that a participant is in: distances from its box to the borders (m), lanes of the same direction beside it,
-distances to the lane's beginning and end (m), speed limit (m/s)."""
+"""Of the lane that a participant is in: distances from its box to the borders (m), lanes of the
+same direction beside it, distances to the lane's beginning and end (m), speed limit (m/s)."""
 FEATURES = (*MOTION, *RELATIVE, *TRAFFIC, *ROAD, *(f"role_{role}" for role in ROLES))
-"""All features in the order of the last axis; a role is 1 where the lane has it. Lights do not show: lanes through
-junctions with lights are `inside` as others are, and `signalised` stays 0. Values are divided by
-`SCALES`."""
+"""All features in the order of the last axis; a role is 1 where the lane has it. Lights do not
+show: lanes through junctions with lights are `inside` as others are, and `signalised` stays 0.
+Values are divided by `SCALES`."""
 SCALES = {
     "speed": 15.0, "acceleration": 2.0, "yaw_rate": 0.3, "length": 8.0, "width": 2.5, "along": 30.0, "aside": 3.5, "ahead": 30.0,
     "left": 10.0, "closing_ahead": 8.0, "closing_left": 4.0, "gap": 40.0, "headway": 3.0, "border_left": 1.5, "border_right": 1.5,
@@ -67,7 +70,8 @@ SCALES = {
 
 @dataclass(frozen=True)
 class Tokens:
-    """Windows about an ego: rows of features for the ego, first, and for the others that matter most to it.
+    """Windows about an ego: rows of features for the ego, first, and for the others that matter
+    most to it.
 
     Attributes:
         span, frames: length of a window, s, and how many equally long parts it has; a frame is the
@@ -109,7 +113,8 @@ _CHANGING = (
 )  # fmt: skip
 _ROLES = tuple(name for name in FEATURES if name.startswith("role_"))
 MOTION_CHANGES = 2 * len(_CHANGING)
-"""Numbers of a window, the first ones, that are of motion, gap and borders; those of roles follow."""
+"""Numbers of a window, the first ones, that are of motion, gap and borders; those of roles follow.
+"""
 CHANGES = MOTION_CHANGES + 2 * len(_ROLES)
 """Numbers of a window"""
 
@@ -233,8 +238,9 @@ class _Ways:
         return ahead[meeting][0] - behind[meeting][0], 0, False, True
 
     def ahead(self, start: int) -> dict[int, tuple[float, int]]:
-        """Strips on the way from one, itself included, and those beside them: distance between their beginnings, and lanes to the
-        left. What is on the way itself counts before what is beside it."""
+        """Strips on the way from one, itself included, and those beside them: distance between
+        their beginnings, and lanes to the left. What is on the way itself counts before what is
+        beside it."""
         if start not in self._ahead:
             self._ahead[start] = self._search(start)
         return self._ahead[start]
@@ -336,7 +342,8 @@ def _others(scene: Scene, index: _Index, own: IntArray, egos: IntArray, tokens: 
 def _near(
     scene: Scene, index: _Index, own: IntArray, reach: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Windows, tracks and distances of participants near to egos' rows (n, anchors); leads and followers at distance 0."""
+    """Windows, tracks and distances of participants near to egos' rows (n, anchors); leads and
+    followers at distance 0."""
     window = np.repeat(np.arange(len(own)), own.shape[1])[own.ravel() != ABSENT]
     ego = own.ravel()[own.ravel() != ABSENT]
     start, end = index.starts[scene.frame[ego]], index.starts[scene.frame[ego] + 1]
@@ -438,7 +445,8 @@ def _rows(scene: Scene) -> Values:
 
 
 def _relative(scene: Scene, rows: IntArray, there: BoolArray) -> Values:
-    """Features of rows relative to the ego's row of the same frame; the ego's own relative to the middle of its window."""
+    """Features of rows relative to the ego's row of the same frame; the ego's own relative to the
+    middle of its window."""
     frames = rows.shape[2]
     own = rows[:, :1]
     middle = own[:, :, frames // 2]
@@ -502,7 +510,8 @@ def _beside(lanes: LaneGraph) -> tuple[IntArray, IntArray]:
 
 
 def _neighbours(scene: Scene) -> tuple[IntArray, IntArray, FloatArray]:
-    """Rows about 0.2 s before and after each one of the same part of its track, and the time between, s."""
+    """Rows about 0.2 s before and after each one of the same part of its track, and the time
+    between, s."""
     reach, here = scene.rows(0.2), np.arange(len(scene.track))
     before, after = np.maximum(here - reach, scene.first), np.minimum(here + reach, scene.last)
     return before, after, np.maximum((after - before) * scene.step, scene.step)

@@ -40,7 +40,8 @@ Recognise = Callable[[Windows], IntArray]
 
 
 class SiteWindows(NamedTuple):
-    """Windows of a data set: at the rules' events, and at the stride at which a user's recordings are looked at."""
+    """Windows of a data set: at the rules' events, and at the stride at which a user's recordings
+    are looked at."""
 
     name: str
     events: Windows
@@ -50,9 +51,10 @@ class SiteWindows(NamedTuple):
 class Agreement(NamedTuple):
     """Agreement of a model with a data set.
 
-    events: of the rules. agree, nothing, unknown, wrong: shares of them that get the rules' class, none, unknown, another class.
-    quiet: windows at the stride in which no rule finds anything. still, odd: shares of them that the model takes for nothing, and
-        for unknown; the rest are findings that no rule confirms.
+    events: of the rules. agree, nothing, unknown, wrong: shares of them that get the rules' class,
+    none, unknown, another class.
+    quiet: windows at the stride in which no rule finds anything. still, odd: shares of them that
+    the model takes for nothing, and for unknown; the rest are findings that no rule confirms.
     confirmed: of the windows at the stride that the model gives a class, the share to which the
     rules give the same. classes: label, events, agreeing ones.
     """
@@ -101,7 +103,8 @@ def _made(path: Path, roads: Path, view: View, rules: Rules) -> tuple[Windows, W
 
 
 def accept(model: TRFE, windows: Sequence[Windows]) -> None:
-    """Let a model take no more than a tenth of the rules' events of other sites for unknown, at each, where its own δ took more.
+    """Let a model take no more than a tenth of the rules' events of other sites for unknown, at
+    each, where its own δ took more.
 
     On sites like those that trained it, everything looks more usual than elsewhere: a δ chosen
     there rejects most of what it gets right on roads that it has not seen.
@@ -164,7 +167,8 @@ _TIE = 1e-9
 
 
 class _Given(NamedTuple):
-    """Labels of a model for windows, shares of votes for classes (n,), and labels of the rules (n,)."""
+    """Labels of a model for windows, shares of votes for classes (n,), and labels of the rules
+    (n,)."""
 
     labels: IntArray
     shares: FloatArray
@@ -172,7 +176,8 @@ class _Given(NamedTuple):
 
 
 def least_shares(model: TRFE, sites: Sequence[SiteWindows]) -> dict[int, float]:
-    """The least share of the votes for classes that each class needs; with less, a window is of nothing.
+    """The least share of the votes for classes that each class needs; with less, a window is of
+    nothing.
 
     The share of a class is the one with the greatest F1 of its windows, at events and at the
     stride, of all sites together. Of equally good ones it is the middle. A class that is always
@@ -234,7 +239,8 @@ _LICENCE = "Those who trained it decide, as far as the terms of the recordings a
 def card_of(
     model: TRFE, windows: Windows, parts: Split, data: str, unseen: Sequence[Agreement] = ()
 ) -> str:
-    """Return the model card in Markdown: training data, results on unseen windows of its `parts`, intended use.
+    """Return the model card in Markdown: training data, results on unseen windows of its `parts`,
+    intended use.
 
     Args:
         unseen: how it agrees with the rules on recordings of other sites.

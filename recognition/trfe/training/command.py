@@ -50,7 +50,8 @@ def train(
     ] = False,
     _version: Version = False,
 ) -> None:
-    """Train a model that recognises the classes of recordings, to be used by xosc-recognize catalogue --model DIR.
+    """Train a model that recognises the classes of recordings, to be used by xosc-recognize
+    catalogue --model DIR.
 
     Recordings are divided: a part trains, a part calibrates what counts as unknown, a part measures
     how good the model is.
@@ -178,7 +179,8 @@ def encoders_of(
     seed: int,
     progress: Progress | None,
 ) -> tuple[Encoder, Encoder]:
-    """An encoder pretrained on windows of the known classes and on others, and the same fine-tuned on the first with labels."""
+    """An encoder pretrained on windows of the known classes and on others, and the same fine-tuned
+    on the first with labels."""
     from recognition.trfe.encoder.storage import rounded
     from recognition.trfe.encoder.training import finetune, pretrain
     from recognition.trfe.training.windows import joined

@@ -1,4 +1,5 @@
-"""Windows of recordings as an encoder sees them, with labels, in memory and on disk; training data and its splits."""
+"""Windows of recordings as an encoder sees them, with labels, in memory and on disk; training data
+and its splits."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ Inputs = NDArray[Any]
 
 
 def visible(recording: Recording, moments: Moments, view: View) -> BoolArray:
-    """Whether the ego's track covers what a view needs of it about each moment: only such moments can be drawn."""
+    """Whether the ego's track covers what a view needs of it about each moment: only such moments
+    can be drawn."""
     times = view.offsets if isinstance(view, Grid) else (-0.5 * view.core, 0.0, 0.5 * view.core)
     return covered(recording, moments, times)
 
@@ -59,7 +61,8 @@ def drawn(recording: Recording, moments: Moments, view: View, site: Site | None)
 def drawn_in_parts(
     recording: Recording, moments: Moments, view: View, site: Site | None, size: int
 ) -> Iterator[Inputs]:
-    """The same, so many windows at a time: those of a long recording need not be in memory together."""
+    """The same, so many windows at a time: those of a long recording need not be in memory
+    together."""
     if isinstance(view, Grid):
         return (
             rasterise(recording, moments[start : start + size], view, site)
@@ -98,7 +101,8 @@ class TrainingMoment(NamedTuple):
 def events_and_background(
     recording: Recording, site: Site, name: str, rules: Rules
 ) -> tuple[list[LabelledEvent], list[TrainingMoment]]:
-    """The rules' events of a recording; and moments at the stride, of the class that a rule finds there, or of none.
+    """The rules' events of a recording; and moments at the stride, of the class that a rule finds
+    there, or of none.
 
     A rule for something that lasts (cruising, following, circulating) finds few events of it, far
     apart; at the stride all of it counts. Moments less than a window from an event, but not at it,
@@ -136,7 +140,8 @@ def events_and_background(
 
 
 def _idle(at: float, passage: JunctionWay, own: Sequence[tuple[float, int]]) -> bool:
-    """Whether nothing happens at a moment on a way through a junction, given times and labels of the vehicle's events."""
+    """Whether nothing happens at a moment on a way through a junction, given times and labels of
+    the vehicle's events."""
     there = any(passage.start <= time <= passage.end for time, _ in own)
     return passage.uncrossed or (there and all(abs(time - at) >= _WAITS for time, _ in own))
 
@@ -149,7 +154,8 @@ def regular(time: FloatArray, window: float, stride: float = STRIDE) -> FloatArr
 def _labelled(
     regular: FloatArray, own: Sequence[tuple[float, int]], window: float
 ) -> tuple[list[float], list[int]]:
-    """Moments with their labels: of the event nearest within half a stride, or the background, a window away from all."""
+    """Moments with their labels: of the event nearest within half a stride, or the background, a
+    window away from all."""
     if not own:
         return regular.tolist(), [BACKGROUND] * len(regular)
     times, labels = (np.array(values) for values in zip(*own, strict=True))
@@ -175,7 +181,8 @@ _UNREADABLE = (
     TokenError,
     BadZipFile,
 )
-"""Exceptions of numpy for a damaged file, whose header is a Python literal or looks like an archive"""
+"""Exceptions of numpy for a damaged file, whose header is a Python literal or looks like an archive
+"""
 
 
 class LabelledMoment(Protocol):
@@ -215,7 +222,8 @@ class Windows:
         return len(self.labels)
 
     def select(self, chosen: NDArray[Any] | Sequence[int] | slice) -> Windows:
-        """The windows of an index, mask or slice. Their inputs are copied into memory, but for slices."""
+        """The windows of an index, mask or slice. Their inputs are copied into memory, but for
+        slices."""
         return Windows(*(column[chosen] for column in self.columns))
 
     def save(self, folder: Path) -> None:
@@ -293,7 +301,8 @@ def joined(parts: Sequence[Windows]) -> Windows:
 
 
 def store(parts: Iterable[Windows], folder: Path) -> int:
-    """Write windows of several recordings one after the other into a folder, without holding all of them in memory.
+    """Write windows of several recordings one after the other into a folder, without holding all of
+    them in memory.
 
     Args:
         parts: windows of one view.
@@ -334,7 +343,8 @@ def store(parts: Iterable[Windows], folder: Path) -> int:
 
 
 def _write_header(file: IO[bytes], shape: tuple[int, ...], kind: np.dtype[Any]) -> None:
-    """The header of an array; NumPy leaves room in it for any number of rows, so that it can be written over."""
+    """The header of an array; NumPy leaves room in it for any number of rows, so that it can be
+    written over."""
     described = {
         "descr": np.lib.format.dtype_to_descr(kind),
         "fortran_order": False,
@@ -379,7 +389,8 @@ def windows_at(
 
 
 def source_of(path: Path) -> str:
-    """Short digest of the recordings in a folder, by their names and sizes; `windows` for a folder of windows."""
+    """Short digest of the recordings in a folder, by their names and sizes; `windows` for a folder
+    of windows."""
     if is_windows(path):
         return "windows"
     found = [(source.name, source.path.stat().st_size) for source in datasets.open(path).sources]
@@ -426,7 +437,8 @@ _RIGHT, _WRONG, _UNCLEAR = "right", "wrong", "unclear"
 
 
 def judged(tables: Sequence[Path]) -> list[TrainingMoment]:
-    """The moments that reviewers judged, by their CSV tables with recording, vehicle, time, class and, for findings, verdict.
+    """The moments that reviewers judged, by their CSV tables with recording, vehicle, time, class
+    and, for findings, verdict.
 
     A right finding, or an event that a reviewer lists (a row without a verdict), has its class; at
     a wrong one nothing happens. Rows without a class and unclear ones are left out; so are rows on
@@ -513,7 +525,8 @@ def reviewed(
 def _moments(
     recording: Recording, site: Site, name: str, view: View, background: bool
 ) -> list[TrainingMoment]:
-    """Events, at junctions with lights too; with `background` also moments at the stride, if the track holds the window."""
+    """Events, at junctions with lights too; with `background` also moments at the stride, if the
+    track holds the window."""
     rules = Rules(signalised=True)
     if background:
         events, regular = events_and_background(recording, site, name, rules)
@@ -537,7 +550,8 @@ def _thinned(found: Sequence[TrainingMoment], most: int | None) -> list[Training
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """Within, torch is seeded and has one thread: small layers lose more by handing out work than more threads bring."""
+    """Within, torch is seeded and has one thread: small layers lose more by handing out work than
+    more threads bring."""
     import torch  # windows are read where no model is
 
     threads = torch.get_num_threads()
@@ -551,7 +565,8 @@ def seeded(seed: int) -> Iterator[None]:
 
 
 SHARES = {"labelled": 0.56, "stream": 0.14, "validation": 0.15, "test": 0.15}
-"""The training share of 70 % in two: a fifth of it never gets a label, as the known traffic of later streams."""
+"""The training share of 70 % in two: a fifth of it never gets a label, as the known traffic of
+later streams."""
 
 
 class Split(NamedTuple):

@@ -49,7 +49,8 @@ RUN_FILES = {
 
 
 def write_run(result: RunResult, folder: Path, plot: bool = False) -> dict[str, Any]:
-    """Write a run's files into its folder, which appears only when it is complete; its criticality measures.
+    """Write a run's files into its folder, which appears only when it is complete; its criticality
+    measures.
 
     Args:
         plot: add a picture.
@@ -91,7 +92,8 @@ def _replace(folder: Path, draft: Path) -> None:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Digests of the files in the folder of a run's results, by name; none where it is not there or can't be read."""
+    """Digests of the files in the folder of a run's results, by name; none where it is not there or
+    can't be read."""
     try:
         return {
             path.name: fingerprint(path.read_bytes())
@@ -201,7 +203,8 @@ def _setup(values: Mapping[str, Any]) -> Setup:
 
 
 def _verdict(values: Mapping[str, Any]) -> Verdict:
-    """The verdict; runs of earlier versions have no causes, and no evidence, which is none that they passed."""
+    """The verdict; runs of earlier versions have no causes, and no evidence, which is none that
+    they passed."""
     failures = tuple(map(str, values["reasons"])) if values["verdict"] == FAILED else ()
     causes = tuple(
         Cause(str(cause["name"]), str(cause["text"])) for cause in values.get("causes", ())
@@ -294,7 +297,8 @@ def _network(recorded: Path | None, given: Path | None, path: Path) -> RoadNetwo
 
 
 def _tracks(path: Path, setup: Setup) -> list[Track]:
-    """One track for each participant, in the order of the setup; columns are read when they are asked for."""
+    """One track for each participant, in the order of the setup; columns are read when they are
+    asked for."""
     import numpy as np
 
     table = _table(path)

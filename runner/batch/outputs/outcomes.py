@@ -1,4 +1,5 @@
-"""Outcomes of runs: of a result, and derived again from stored results where a batch goes on without a seal."""
+"""Outcomes of runs: of a result, and derived again from stored results where a batch goes on
+without a seal."""
 
 from __future__ import annotations
 
@@ -113,7 +114,8 @@ def _is_of(result: RunResult, job: Job, settings: RunSettings) -> bool:
 
 
 def _is_judged(result: RunResult, settings: RunSettings) -> bool:
-    """Whether the contacts of the ego, the limits and the times of a result are those of its trajectories."""
+    """Whether the contacts of the ego, the limits and the times of a result are those of its
+    trajectories."""
     verdict = result.verdict
     if not verdict.failures and _is_contact(result):
         return False

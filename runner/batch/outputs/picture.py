@@ -1,4 +1,5 @@
-"""A run as one picture: the road from above with everyone's way on it, speeds, and how critical it was for the ego."""
+"""A run as one picture: the road from above with everyone's way on it, speeds, and how critical it
+was for the ego."""
 
 from __future__ import annotations
 
@@ -34,26 +35,30 @@ _MARGIN = 12.0
 _FLATTEST = 7.0
 """Greatest ratio of width to height of the view from above; longer ways are not to scale across."""
 _NARROWEST = 3.4
-"""Least ratio, that of the room which the picture has for it: a narrow view would leave names none"""
+"""Least ratio, that of the room which the picture has for it: a narrow view would leave names none
+"""
 _FADING = 6
 """Boxes drawn along each way, evenly spaced in time, from pale to full colour."""
 _NEAR = 50.0
 """Distances (m) and times to collision (s) that are shown at least"""
 _NAMED = 8
-"""Participants that are named in the view and in the legend; of more, those nearest to the ego come first"""
+"""Participants that are named in the view and in the legend; of more, those nearest to the ego come
+first"""
 _SAID = 3
 """Participants that are named in a view of more"""
 
 
 def write_picture(result: RunResult, path: Path) -> None:
-    """Write a PNG: view from above, speeds over time, distance and time to collision of the ego over time."""
+    """Write a PNG: view from above, speeds over time, distance and time to collision of the ego
+    over time."""
     tracks = [track for track in result.recording.tracks.values() if len(track.columns["time"])]
     others = iter(_OTHERS * (len(tracks) // len(_OTHERS) + 1))
     colours = {track.name: _EGO if track.name == result.ego else next(others) for track in tracks}
     impact = result.criticality.impact if result.criticality is not None else None
     named = _named(result, tracks)
     with mpl.rc_context(), warnings.catch_warnings():
-        mpl.rcdefaults()  # Matplotlib reads a file of the working folder, which may ask for any program
+        # Matplotlib reads a file of the working folder, which may ask for any program
+        mpl.rcdefaults()
         warnings.filterwarnings(
             "ignore", "Glyph .* missing"
         )  # names may be in any script, and are boxes then

@@ -24,7 +24,8 @@ _SEVERITY = {"speed": "impact_speed", "delta_v": "delta_v", "risk": "fatality_ri
 
 
 def summary(result: RunResult) -> dict[str, Any]:
-    """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the ego."""
+    """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the
+    ego."""
     network = result.recording.network
     return {
         "scenario": result.scenario.name,
@@ -79,7 +80,8 @@ def impact(result: RunResult) -> dict[str, Any] | None:
 
 
 def criteria(verdict: Verdict) -> list[dict[str, Any]]:
-    """Results of criteria as JSON-able values: result, name, entity, value (null where nothing was measured), unit, reason."""
+    """Results of criteria as JSON-able values: result, name, entity, value (null where nothing was
+    measured), unit, reason."""
     return [
         {
             "result": criterion.state,
@@ -90,7 +92,8 @@ def criteria(verdict: Verdict) -> list[dict[str, Any]]:
 
 
 def evidence(verdict: Verdict) -> list[dict[str, Any]]:
-    """Evidence as JSON-able values: name, value, planned (null where nothing was), unit, least, texts on what is missing."""
+    """Evidence as JSON-able values: name, value, planned (null where nothing was), unit, least,
+    texts on what is missing."""
     return [{**row._asdict(), "texts": list(row.texts)} for row in verdict.evidence]
 
 
@@ -105,7 +108,8 @@ def evidence_text(each: Mapping[str, Any]) -> str:
 
 
 def evidence_table(verdict: Verdict) -> list[dict[str, Any]]:
-    """Evidence for pages: name, value and least value in words, whether it is enough, how it is counted."""
+    """Evidence for pages: name, value and least value in words, whether it is enough, how it is
+    counted."""
     from runner.judging.evidence.rows import ROWS
 
     return [
@@ -147,7 +151,8 @@ def finite(value: Any) -> Any:
 
 
 def write_events(events: Iterable[LogEntry], path: Path) -> None:
-    """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as text."""
+    """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as
+    text."""
     with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
         for entry in events:
             file.write(
@@ -156,7 +161,8 @@ def write_events(events: Iterable[LogEntry], path: Path) -> None:
 
 
 def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "skipped") -> None:
-    """Write a JUnit file, whole or not at all: a test case a run; a failed verdict is a failure, a defect an error.
+    """Write a JUnit file, whole or not at all: a test case a run; a failed verdict is a failure, a
+    defect an error.
 
     An inconclusive run is skipped, or an error, as `inconclusive` says, and so is what a dry run
     has only loaded. The state, evidence and results of criteria are properties of a test case,

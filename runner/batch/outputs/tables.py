@@ -1,4 +1,5 @@
-"""Results as tables: trajectories as Parquet in long form and as CSV in the columns of esmini, runs of a batch as Parquet."""
+"""Results as tables: trajectories as Parquet in long form and as CSV in the columns of esmini, runs
+of a batch as Parquet."""
 
 from __future__ import annotations
 
@@ -83,7 +84,8 @@ def write_criticality(result: RunResult, path: Path) -> None:
 
 
 def write_csv(result: RunResult, path: Path) -> None:
-    """Write six lines of preamble and one line a step with a group of columns for each entity present, as esmini does.
+    """Write six lines of preamble and one line a step with a group of columns for each entity
+    present, as esmini does.
 
     Wheel angles and rotations, which this runner does not model, are 0; collisions are in the event
     log. Entities that join or leave shorten and lengthen the lines, as they do there.
@@ -113,7 +115,8 @@ def write_csv(result: RunResult, path: Path) -> None:
 
 
 def _groups(track: Track, number: int, recording: Recording) -> list[str]:
-    """Text of each row of a track; velocities, accelerations and the heading's rate by finite differences."""
+    """Text of each row of a track; velocities, accelerations and the heading's rate by finite
+    differences."""
     import numpy as np
 
     columns = track.columns
@@ -169,7 +172,8 @@ def _rate(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 def _on_road(
     recording: Recording, road_id: str | None, s: float, lane: int, h: float
 ) -> tuple[float, float, float]:
-    """Curvature of the road (1/m), heading relative to it and to the driving direction (rad); zeros off the network."""
+    """Curvature of the road (1/m), heading relative to it and to the driving direction (rad); zeros
+    off the network."""
     if recording.network is None or road_id is None:
         return 0.0, 0.0, 0.0
     road = recording.network.road(road_id)
@@ -182,16 +186,19 @@ def _on_road(
 
 
 CONTACT = ("impact_side", "impact_ahead", "impact_left", "ego_strikes")
-"""Columns of a contact: side of the ego, its point (m ahead and left of the middle of the box), whether the ego hit the other"""
+"""Columns of a contact: side of the ego, its point (m ahead and left of the middle of the box),
+whether the ego hit the other"""
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write the table, whole or not at all, sorted by name: the same runs give the same content, in whatever order they ended.
+    """Write the table, whole or not at all, sorted by name: the same runs give the same content, in
+    whatever order they ended.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null
     unless runs were repeated), state (`passed`, `failed`, `inconclusive`, `error`), verdict (null
-    where there was no run), exit_code, content (digest of its files), status, end_time (s), message, remarks, causes (names; why a
-    run is inconclusive), evidence (a map of names to values), `CONTACT` of a failed run in which
+    where there was no run), exit_code, content (digest of its files), status, end_time (s),
+    message, remarks, causes (names; why a run is inconclusive), evidence (a map of names to
+    values), `CONTACT` of a failed run in which
     the ego touches another participant, and the criticality measures: each extreme with `_time` (s)
     and `_other`, and the shares of RSS violations; null where they are not defined. Units as in
     `runner.judging.measures.criticality`.

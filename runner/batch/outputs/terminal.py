@@ -1,5 +1,5 @@
-"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard error,
-those that many runs share once."""
+"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on
+standard error, those that many runs share once."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ _REST = 60
 _LISTED = 5
 """Runs that are named in a group of the summary, and among the worst"""
 _PAGES = ("before-and-after.html", "replay.html")
-"""Names of the pages of a run, as of `runner.view.replay.player`; the first that there is is named"""
+"""Names of the pages of a run, as of `runner.view.replay.player`; the first that there is is named
+"""
 _ENDS = {
     "completed": "stop trigger",
     "timeout": "time limit",
@@ -53,7 +54,8 @@ _ERROR_STATUSES = {
     "died": "its process died",
     "memory": "too little memory",
 }
-"""Ends of runs with an error by their status (`runner.batch.jobs.Outcome.status`); others by their exit code"""
+"""Ends of runs with an error by their status (`runner.batch.jobs.Outcome.status`); others by their
+exit code"""
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 _LOCATION = re.compile(r"^.*?:\d+: ")
 """Start of a remark: the file and its line"""
@@ -157,7 +159,8 @@ class OutcomeTable:
         return f"{word}{name:{width}}  {end:>9}  {how}"
 
     def close(self, left_out: Mapping[Path, int] = MappingProxyType({})) -> None:
-        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the gravest first, and all.
+        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the
+        gravest first, and all.
 
         A quiet table has one line, on standard error, where files break their standard and were
         read all the same.
@@ -250,7 +253,8 @@ class OutcomeTable:
 
 
 def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
-    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line, without shares of times."""
+    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one
+    line, without shares of times."""
     from runner.batch.outputs.report import evidence_text  # needs lxml
 
     told = (row for row in evidence if row["unit"] != "yes" and not row["name"].endswith("_share"))

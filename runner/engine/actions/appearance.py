@@ -1,4 +1,5 @@
-"""VisibilityAction, LightStateAction and AnimationAction: seen by conditions on their states, sensors and the event log."""
+"""VisibilityAction, LightStateAction and AnimationAction: seen by conditions on their states,
+sensors and the event log."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ class Waiting(Running):
 @action("VisibilityAction")
 @dataclass(frozen=True, slots=True)
 class VisibilityAction(PrivateAction):
-    """Hides an entity from images, sensors (a system under test does not see it) or traffic (SUMO's drivers do not).
+    """Hides an entity from images, sensors (a system under test does not see it) or traffic (SUMO's
+    drivers do not).
 
     With a SensorReferenceSet only the named sensors are meant. Sensors are not modelled one by one
     here: the system under test loses sight of the entity when all sensors do, which is when none is
@@ -106,7 +108,8 @@ class LightStateAction(PrivateAction):
 @action("AnimationAction")
 @dataclass(frozen=True, slots=True)
 class AnimationAction(PrivateAction):
-    """Animates a component, a pedestrian, or from a file; complete after its duration, never if it loops."""
+    """Animates a component, a pedestrian, or from a file; complete after its duration, never if it
+    loops."""
 
     target: str
     state: float | None

@@ -58,7 +58,8 @@ class AssignControllerAction(PrivateAction):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> AssignControllerAction:
-        """Build from an AssignControllerAction element (its controller inline, or inlined from a catalogue)."""
+        """Build from an AssignControllerAction element (its controller inline, or inlined from a
+        catalogue)."""
         controller = node.find("Controller") or node.find("ObjectController", "Controller")
         if controller is None:
             raise node.invalid(
@@ -91,7 +92,8 @@ class AssignControllerAction(PrivateAction):
 @action("ActivateControllerAction")
 @dataclass(frozen=True, slots=True)
 class ActivateControllerAction(PrivateAction):
-    """Activates or deactivates the entity's controller in the domains named; the others stay as they are."""
+    """Activates or deactivates the entity's controller in the domains named; the others stay as
+    they are."""
 
     switches: dict[str, bool]
 
@@ -142,7 +144,8 @@ class _Activation(BatchProcess):
 @action("OverrideControllerValueAction")
 @dataclass(frozen=True, slots=True)
 class OverrideControllerValueAction(PrivateAction):
-    """Overrides inputs of the entity's controller: what a system under test asks for is replaced by them.
+    """Overrides inputs of the entity's controller: what a system under test asks for is replaced by
+    them.
 
     Throttle, brake and parking brake (0 to 1 of the vehicle's `Performance`) act on the ego while a
     system under test drives it; clutch, gear and steering wheel are written to the event log and
@@ -177,7 +180,8 @@ class OverrideControllerValueAction(PrivateAction):
 
 
 def _input(node: Node) -> float:
-    """Value of an override: a share of the pedal, a gear's number; since 1.2 brakes and gears have it in a child.
+    """Value of an override: a share of the pedal, a gear's number; since 1.2 brakes and gears have
+    it in a child.
 
     Raises:
         Unsupported: a brake force, which says nothing about the pedal.

@@ -1,4 +1,5 @@
-"""Actions that keep a distance to another entity: LongitudinalDistanceAction ahead or behind, LateralDistanceAction to a side."""
+"""Actions that keep a distance to another entity: LongitudinalDistanceAction ahead or behind,
+LateralDistanceAction to a side."""
 
 from __future__ import annotations
 
@@ -245,7 +246,8 @@ _LATERALLY_REACHED = 0.01
 @action("LateralDistanceAction")
 @dataclass(frozen=True, slots=True)
 class LateralDistanceAction(PrivateAction):
-    """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at the action's start.
+    """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at
+    the action's start.
 
     Where there is no road, it moves across the direction that it faces, which is that of the
     reference. Without DynamicConstraints the distance holds at once and rigidly; with them a
@@ -303,7 +305,8 @@ class LateralDistanceAction(PrivateAction):
 
 
 def _both_ways(limits: Performance | None) -> Performance | None:
-    """Limits of lateral motion, where left and right are alike: the smaller of acceleration and deceleration."""
+    """Limits of lateral motion, where left and right are alike: the smaller of acceleration and
+    deceleration."""
     if limits is None:
         return None
     acceleration = min(limits.max_acceleration, limits.max_deceleration)
@@ -351,7 +354,8 @@ class _Sidestep(Running):
         return reach - min(across) if self._side > 0 else reach + max(across)
 
     def _error(self) -> float | None:
-        """Return the offset (m) to the actor's own left that is left to move; None if the distance is undefined."""
+        """Return the offset (m) to the actor's own left that is left to move; None if the distance
+        is undefined."""
         left = self._left()
         if left is None or self._distance is None:
             return None
@@ -385,7 +389,8 @@ class _Sidestep(Running):
         return None if self._action.continuous else _apart(self._error(), _LATERALLY_REACHED)
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:
-        """Sideways step (m) of a controlled motion; like a driver, it sees where the reference is, not what it is up to."""
+        """Sideways step (m) of a controlled motion; like a driver, it sees where the reference is,
+        not what it is up to."""
         self._speed = controller.speed(error, self._speed, 0.0, dt)
         return self._speed * dt
 

@@ -1,4 +1,5 @@
-"""Entities that come, go, are put somewhere else, and are coupled (EntityAction, TeleportAction, TrailerAction)."""
+"""Entities that come, go, are put somewhere else, and are coupled (EntityAction, TeleportAction,
+TrailerAction)."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def _position(node: Node, context: Context) -> Position:
 @action("AddEntityAction")
 @dataclass(frozen=True, slots=True)
 class AddEntityAction(GlobalAction):
-    """Brings a declared entity into the world at a position; nothing happens where it is there already.
+    """Brings a declared entity into the world at a position; nothing happens where it is there
+    already.
 
     It drives at the speed that it was last asked for: before it was deleted, or by an initial
     SpeedAction; else it stands.
@@ -148,7 +150,8 @@ class _Teleport(BatchProcess):
         self._position, self._actor, self._run = position, actor, run
 
     def start(self, rows: BoolArray) -> BoolArray:
-        """Jump: once where the position is the same in all runs or differs by s alone, else run by run."""
+        """Jump: once where the position is the same in all runs or differs by s alone, else run by
+        run."""
         run, actor, position = self._run, self._actor, self._position
         rows = rows & run.going
 
@@ -178,7 +181,8 @@ class _Teleport(BatchProcess):
 
 @registry.action("ConnectTrailerAction")
 class ConnectTrailerAction(PrivateAction):
-    """Puts a trailer's coupler on the actor's hitch; the trailer is moved there where it stands elsewhere."""
+    """Puts a trailer's coupler on the actor's hitch; the trailer is moved there where it stands
+    elsewhere."""
 
     def __init__(self, node: Node, trailer: Entity, lasting: bool) -> None:
         self.node, self.trailer = node, trailer
@@ -199,7 +203,8 @@ class ConnectTrailerAction(PrivateAction):
         return (self.trailer,)
 
     def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
-        """It has to have a hitch, and what is connected from the beginning and never disconnected must not be in the way."""
+        """It has to have a hitch, and what is connected from the beginning and never disconnected
+        must not be in the way."""
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
         if self.lasting:

@@ -1,4 +1,5 @@
-"""FollowTrajectoryAction (OpenSCENARIO XML 1.3, classes FollowTrajectoryAction, Timing, TrajectoryFollowingMode)."""
+"""FollowTrajectoryAction (OpenSCENARIO XML 1.3, classes FollowTrajectoryAction, Timing,
+TrajectoryFollowingMode)."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
 _SAME_PLACE = 1e-6
 """Distance (m) within which an entity is where it was to be."""
 _ROUNDING = 0.01
-"""Distance (m) by which a trajectory may be shorter than its rounded vertices say, or begin beside its actor."""
+"""Distance (m) by which a trajectory may be shorter than its rounded vertices say, or begin beside
+its actor."""
 _STANDSTILL = 1e-3
 """Speed (m/s) below which a schedule ends in standstill."""
 NOT_BEGUN_UID = "xosc.toolchain:xosc:1.0.0:trajectory.begins_while_it_is_followed"
@@ -47,7 +49,8 @@ _SAME_CHANGE = 1e-6
 
 
 class Timing:
-    """Mapping of a trajectory's times to simulation times: scaled, then shifted, counted from 0 or from the action's start.
+    """Mapping of a trajectory's times to simulation times: scaled, then shifted, counted from 0 or
+    from the action's start.
 
     An `initialDistanceOffset` takes the time to get there out of all times.
     """
@@ -61,7 +64,8 @@ class Timing:
             raise node.invalid(f"scale={self.scale:g} must be positive")
 
     def origin(self, start: float) -> float:
-        """The simulation time (s) at which the trajectory's own time is 0, for an action that starts at a time (s)."""
+        """The simulation time (s) at which the trajectory's own time is 0, for an action that
+        starts at a time (s)."""
         return (start if self.relative else 0.0) + self.offset
 
 
@@ -196,7 +200,8 @@ class FollowTrajectoryAction(PrivateAction):
         return following
 
     def _limits(self, actor: Entity) -> Performance:
-        """Return the limits on changes of speed. Jerk is unlimited: accelerations constant between vertices jump there."""
+        """Return the limits on changes of speed. Jerk is unlimited: accelerations constant between
+        vertices jump there."""
         if not self.follow:
             return Performance()
         return actor.declared.performance._replace(
@@ -311,7 +316,8 @@ class Pace:
         return self._schedule.final_speed < _STANDSTILL
 
     def station(self, time: float) -> float:
-        """Return the scheduled station (m) at a simulation time (s); after the end it grows at constant speed."""
+        """Return the scheduled station (m) at a simulation time (s); after the end it grows at
+        constant speed."""
         schedule = self._schedule
         time -= self._origin
         over = time - schedule.times[-1]
@@ -326,7 +332,8 @@ class Pace:
         self._origin = time - self._schedule.time(station)
 
     def detour(self, now: float, length: float, station: float, speed: float) -> None:
-        """Go a way of some length (m) first, from now (s) and a speed (m/s) on, that leads to the path at a station (m)."""
+        """Go a way of some length (m) first, from now (s) and a speed (m/s) on, that leads to the
+        path at a station (m)."""
         if self._free:
             self._schedule, self._origin = delayed(self._schedule, length, station, speed), now
             return
@@ -395,7 +402,8 @@ class _Following(Running):
         self.done = False
 
     def rest(self) -> Rest | None:
-        """The end of the trajectory, if it has one: what is left is the way (m) to it, or the time (s) that it came late."""
+        """The end of the trajectory, if it has one: what is left is the way (m) to it, or the time
+        (s) that it came late."""
         motion, pace, dt = self.motion, self.pace, self.run.dt
         if motion.again is not None:
             return None
@@ -434,7 +442,8 @@ class _Following(Running):
         return arrived and (speed < _STANDSTILL or not pace.rests)
 
     def _brake(self, dt: float) -> bool:
-        """Come to a standstill beyond the end, where the Performance did not suffice before it; whether that is reached."""
+        """Come to a standstill beyond the end, where the Performance did not suffice before it;
+        whether that is reached."""
         own = demanded_speed(self.actor)
         speed = max(abs(own) - self.limits.max_deceleration * dt, 0.0)
         self.actor.controls.target_speed = math.copysign(speed, own)
@@ -458,7 +467,8 @@ class _Following(Running):
         )
 
     def _stopping(self, way: float, dt: float) -> float:
-        """The highest speed (m/s) of a step from which the actor can stop within a way (m), by steps of dt (s)."""
+        """The highest speed (m/s) of a step from which the actor can stop within a way (m), by
+        steps of dt (s)."""
         half = 0.5 * self.limits.max_deceleration * dt
         return math.sqrt(half * half + 2.0 * self.limits.max_deceleration * max(way, 0.0)) - half
 

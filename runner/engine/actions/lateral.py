@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from xodr.graph.network import RoadNetwork
 
 _DEFAULT_ACCELERATION = 0.5
-"""Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
+"""Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no
+default."""
 _REST = 0.05
 """Lateral distance (m) from a goal that counts as none"""
 _SAME_PLACE = 1e-6
@@ -168,7 +169,8 @@ class LaneChangeAction(PrivateAction):
         return lane
 
     def _counted(self, actor: Entity, run: Run, origin: RoadPoint, steps: int) -> int | None:
-        """The lane of the actor's road that lies so many steps towards +t of the lane of an origin; None without one."""
+        """The lane of the actor's road that lies so many steps towards +t of the lane of an origin;
+        None without one."""
         road, network = actor.road, run.roads.network
         assert road is not None and network is not None
         lane = origin.lane_id
@@ -180,7 +182,8 @@ class LaneChangeAction(PrivateAction):
         return road.lane_beside(actor.s, lane, steps) if lane in road.lane_ids(actor.s) else None
 
     def _keep_to(self, actor: Entity, run: Run, layer: str) -> None:
-        """Have an entity that follows a lane follow that of another layer under it, its place unchanged."""
+        """Have an entity that follows a lane follow that of another layer under it, its place
+        unchanged."""
         if actor.layer != layer and run.roads.network is not None:
             point, direction = _place(actor, run, self.node)
             run.roads.follow_lane(
@@ -202,7 +205,8 @@ def _check_lane(target: Node, value: int, absolute: bool, network: RoadNetwork) 
 @action("LaneOffsetAction")
 @dataclass(frozen=True, slots=True)
 class LaneOffsetAction(PrivateAction):
-    """Brings an entity to an offset from its lane's centre, absolute or from where another entity is across that lane.
+    """Brings an entity to an offset from its lane's centre, absolute or from where another entity
+    is across that lane.
 
     In scenarios for CARLA it is the other entity's offset in its own lane that counts. The duration
     is what the shape needs to stay within the lateral acceleration. Where `continuous`, the offset
@@ -323,7 +327,8 @@ def _place(entity: Entity, run: Run, node: Node) -> tuple[RoadPoint, int]:
 
 
 def _aside(actor: Entity, place: RoadPoint, run: Run) -> float:
-    """Offset (m, towards +t) of a place from the centre of an entity's lane; from its own lane's where no way leads there."""
+    """Offset (m, towards +t) of a place from the centre of an entity's lane; from its own lane's
+    where no way leads there."""
     road = actor.road
     assert road is not None and run.roads.network is not None
     if place.road_id == road.id and actor.kept_lane in road.lane_ids(place.s):
@@ -386,7 +391,8 @@ class _Transition(Running):
         self._lane: int | None = None
 
     def step(self, dt: float) -> bool:
-        """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
+        """Ask for the shape's offset at the end of the step, limited to what the entity's motion
+        reaches."""
         actor = self._actor
         way, left = abs(actor.speed) * dt, actor.kept_offset * actor.direction
         if abs(left - self._asked) > _SAME_PLACE and actor.controls.target_offset is None:
@@ -404,7 +410,8 @@ class _Transition(Running):
         return over and offset == self.goal
 
     def _next(self, way: float, dt: float) -> tuple[float, bool]:
-        """Return the shape's offset (m) after a step along a way (m) for dt (s), and whether the shape ends there."""
+        """Return the shape's offset (m) after a step along a way (m) for dt (s), and whether the
+        shape ends there."""
         actor = self._actor
         self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
         progress = self._past / self._extent if self._extent > 0.0 else 1.0
@@ -419,12 +426,14 @@ class _Transition(Running):
         return (self.goal if easing.done else offset), easing.done
 
     def stop(self) -> None:
-        """Have the entity keep to the lane that it is on, which may not be the one it was bound for or began in."""
+        """Have the entity keep to the lane that it is on, which may not be the one it was bound for
+        or began in."""
         self._lane = self._actor.kept_lane
         self._roads.stay(self._actor)
 
     def rest(self) -> Rest | None:
-        """The offset from the lane that it is bound for; what is left is the way (m) to the side. None where that lane ends."""
+        """The offset from the lane that it is bound for; what is left is the way (m) to the side.
+        None where that lane ends."""
         actor = self._actor
         lane = actor.kept_lane if self._lane is None else self._lane
         if actor.road is None or lane not in actor.road.lane_ids(actor.s):
@@ -487,7 +496,8 @@ class _Sideways(BatchProcess):
         return rows.copy()
 
     def step(self, dt: float) -> BoolArray:
-        """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
+        """Ask for the shape's offset at the end of the step, limited to what the entity's motion
+        reaches."""
         actor, active = self._actor, self.active & self._run.going
         way, left = np.abs(actor.speed) * dt, actor.kept_offset * actor.direction
         moved = active & (np.abs(left - self._asked) > _SAME_PLACE)

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 _REACHED = 1e-6
 _ALMOST = 0.1
-"""Way (m) that counts as none where the run stops before the end of a route, beside that of a step"""
+"""Way (m) that counts as none where the run stops before the end of a route, beside that of a step
+"""
 _SLOWEST = 0.1
 """Speed (m/s) below which a lane change takes as long as with it"""
 LANES_UID = "xosc.toolchain:xosc:1.0.0:routing.lanes_of_waypoints_are_reached"
@@ -41,8 +42,8 @@ class AssignRouteAction(PrivateAction):
     """Gives the actor a route to follow; complete at once.
 
     A waypoint asks for its lane as well. The actor takes the connecting roads that lead there, and
-    changes lanes where it has to and the road allows it, until an action moves it sideways. Waypoints
-    that it can't pass in their lanes are remarks.
+    changes lanes where it has to and the road allows it, until an action moves it sideways.
+    Waypoints that it can't pass in their lanes are remarks.
     """
 
     run_by_run = True
@@ -97,7 +98,8 @@ def _voice(node: Node, actor: Entity, run: Run) -> Callable[[str], object]:
 
 
 def tell_missed(route: AssignedRoute, actor: Entity, run: Run, nodes: Sequence[Node]) -> None:
-    """Remark on a route that leads where the actor does not drive, and on waypoints that it can't pass in their lanes.
+    """Remark on a route that leads where the actor does not drive, and on waypoints that it can't
+    pass in their lanes.
 
     Args:
         nodes: elements of the waypoints in order, the first included.
@@ -159,7 +161,8 @@ class PreferredLaneLayerAction(PrivateAction):
 
 @registry.action("AcquirePositionAction")
 class AcquirePositionAction(PrivateAction):
-    """Leads the actor to a position by the shortest way; complete when it is there, or has got another route.
+    """Leads the actor to a position by the shortest way; complete when it is there, or has got
+    another route.
 
     The lane is that of the position, as with the waypoints of a route.
     """
@@ -225,7 +228,8 @@ class _Acquiring(Running):
         return self.route.reached
 
     def rest(self) -> Rest | None:
-        """The position and its lane; what is left is the width (m) of the lanes between, or the way (m). None with another route."""
+        """The position and its lane; what is left is the width (m) of the lanes between, or the way
+        (m). None with another route."""
         there, asked = self._there, self.route.destination
         point = self.run.roads.road_point(self.actor)
         if point is None or self.actor.controls.route is not self.route:

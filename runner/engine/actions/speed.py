@@ -240,7 +240,8 @@ class _AtOnce(Running):
 
 
 def set_speed(actor: Entity, speed: float, run: Run) -> None:
-    """Have the entity drive at a speed (m/s) from the coming step on; at the start, or when it has just entered, from now on."""
+    """Have the entity drive at a speed (m/s) from the coming step on; at the start, or when it has
+    just entered, from now on."""
     actor.controls.target_speed = speed
     if run.initialising:
         actor.speed = speed
@@ -249,7 +250,8 @@ def set_speed(actor: Entity, speed: float, run: Run) -> None:
 
 
 def demanded_speed(actor: Entity) -> float:
-    """Speed (m/s) requested for the coming step; the driven speed while another controller drives the entity."""
+    """Speed (m/s) requested for the coming step; the driven speed while another controller drives
+    the entity."""
     controls = actor.controls
     return (
         actor.speed
@@ -407,7 +409,8 @@ class SpeedProfileAction(PrivateAction):
         return (self.reference,) if self.reference is not None else ()
 
     def start(self, actor: Entity, run: Run) -> Running:
-        """Plan the profile from the speed that the actor has, or that a SpeedAction has just demanded."""
+        """Plan the profile from the speed that the actor has, or that a SpeedAction has just
+        demanded."""
         limits = (
             tighter(self.constraints, actor.declared.performance)
             if self.smooth
@@ -472,7 +475,8 @@ class _Profile(Running):
         return time >= self._times[-1]
 
     def rest(self) -> Rest:
-        """The last target and its time; where the speed is right, what is left is the time before it or that it came late."""
+        """The last target and its time; where the speed is right, what is left is the time before
+        it or that it came late."""
         left = self._times[-1] - self._elapsed
         base = self._reference.speed if self._reference is not None else 0.0
         speed = _reached(self._actor, base + self._goal)

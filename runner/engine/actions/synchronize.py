@@ -80,7 +80,8 @@ def _read_steady(node: Node) -> SteadyState:
 @action("SynchronizeAction")
 @dataclass(frozen=True, slots=True)
 class SynchronizeAction(PrivateAction):
-    """Times an entity's arrival at its target by a master's arrival at another one, optionally at a final speed.
+    """Times an entity's arrival at its target by a master's arrival at another one, optionally at a
+    final speed.
 
     It ends when either has arrived, within its tolerance. Both move along the way that they are on:
     lane and route, or trajectory.
@@ -165,7 +166,8 @@ class _WayAhead:
 
 
 def _lap(entity: Entity, target: Placement, left: float, run: Run) -> float:
-    """Length (m) of the closed way that leads an entity to a target; 0 where its way does not lead round to that."""
+    """Length (m) of the closed way that leads an entity to a target; 0 where its way does not lead
+    round to that."""
     network, here = run.roads.network, run.roads.road_point(entity)
     if network is None or here is None or not entity.on_lane or entity.speed < 0.0:
         return 0.0
@@ -182,7 +184,8 @@ def _lap(entity: Entity, target: Placement, left: float, run: Run) -> float:
 
 
 class _Synchronisation(Running):
-    """Under way to the target; while there is no way to one (an entity has left its road, say), the speed stays."""
+    """Under way to the target; while there is no way to one (an entity has left its road, say), the
+    speed stays."""
 
     __slots__ = ("_action", "_actor", "_left", "_master_way", "_own_way", "_run")
 
@@ -245,7 +248,8 @@ class _Synchronisation(Running):
 
 
 def free_speed(speed: float, way: float, time: float, dt: float) -> float:
-    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), whatever the speed at its end.
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), whatever the speed at
+    its end.
 
     The acceleration is constant; where that would end in driving backwards, the entity stops before
     the target.
@@ -258,7 +262,8 @@ def free_speed(speed: float, way: float, time: float, dt: float) -> float:
 
 
 def planned_speed(speed: float, final: float, way: float, time: float, dt: float) -> float:
-    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), ending at the speed `final`.
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), ending at the speed
+    `final`.
 
     With D = way − (speed + final)/2 · time, the distance that a linear profile lacks, and Δ = final
     − speed, the smallest greatest acceleration is a = (2 D ± √(4 D² + time² Δ²)) / time², with the

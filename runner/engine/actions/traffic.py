@@ -1,4 +1,5 @@
-"""TrafficSourceAction, TrafficSinkAction, TrafficSwarmAction, TrafficAreaAction and TrafficStopAction.
+"""TrafficSourceAction, TrafficSinkAction, TrafficSwarmAction, TrafficAreaAction and
+TrafficStopAction.
 
 They bring in traffic that SUMO's drivers drive (`runner.engine.worlds.traffic`), and take out only
 such traffic, never what the scenario declares. None of them ends by itself: a TrafficStopAction of
@@ -99,7 +100,8 @@ class _Running(Running, ABC):
 
 @registry.action("TrafficSourceAction")
 class TrafficSourceAction(GlobalAction):
-    """Brings in traffic around a position: the first at once, then `rate` a second, while there is room.
+    """Brings in traffic around a position: the first at once, then `rate` a second, while there is
+    room.
 
     It appears on any lane within `radius`, with `speed` (1.0: `velocity`), or else as fast as is
     allowed there.
@@ -257,7 +259,8 @@ class _Population(_Running):
 
 @registry.action("TrafficSwarmAction")
 class TrafficSwarmAction(GlobalAction):
-    """Keeps traffic around an entity: in an ellipse that goes with it, but appearing outside a circle around it.
+    """Keeps traffic around an entity: in an ellipse that goes with it, but appearing outside a
+    circle around it.
 
     The ellipse's centre lies `offset` ahead of the entity, its major axis along the entity's.
     """
@@ -407,7 +410,8 @@ class _Area(_Population):
 
 @registry.action("TrafficStopAction")
 class TrafficStopAction(GlobalAction):
-    """Ends the traffic actions of its trafficName, or all where it has none; what is on the road stays there."""
+    """Ends the traffic actions of its trafficName, or all where it has none; what is on the road
+    stays there."""
 
     def __init__(self, name: str | None) -> None:
         self.name = name

@@ -1,4 +1,5 @@
-"""Actions on parameters, variables and monitors, custom commands, and actions on the environment and traffic signals.
+"""Actions on parameters, variables and monitors, custom commands, and actions on the environment
+and traffic signals.
 
 The first three differ in the table that they change. Conditions, systems under test and SUMO's
 drivers see the others.
@@ -46,7 +47,8 @@ class _Target(NamedTuple):
 
     @classmethod
     def of(cls, node: Node, context: Context) -> _Target:
-        """Return the target of the enclosing ParameterAction or VariableAction; it must be declared."""
+        """Return the target of the enclosing ParameterAction or VariableAction; it must be
+        declared."""
         above = node.parent
         assert above is not None
         what = above.tag.removesuffix("Action").lower()
@@ -69,7 +71,8 @@ class _Target(NamedTuple):
 @action("ParameterAction/SetAction", "VariableAction/SetAction")
 @dataclass(frozen=True, slots=True)
 class SetAction(GlobalAction):
-    """Sets a parameter or variable; conditions see the value, attributes keep that of the beginning."""
+    """Sets a parameter or variable; conditions see the value, attributes keep that of the
+    beginning."""
 
     target: _Target
     value: Value

@@ -1,4 +1,5 @@
-"""Many runs at once as elements see them: what a batch offers to conditions and actions, and actions in execution there.
+"""Many runs at once as elements see them: what a batch offers to conditions and actions, and
+actions in execution there.
 
 Arrays (n,) have an entry for each run that is left; `RunRows` follow when others are taken out.
 `runner.engine.storyboard.batch_run` is the batch.
@@ -37,7 +38,8 @@ _Part = TypeVar("_Part", bound=RunRows)
 
 
 class ElementRows(Protocol):
-    """A storyboard element in many runs: numbers of states and bits of transitions (n,), see `StoryboardElement`."""
+    """A storyboard element in many runs: numbers of states and bits of transitions (n,), see
+    `StoryboardElement`."""
 
     state: NDArray[np.int8]
     seen_state: NDArray[np.int8]
@@ -122,7 +124,8 @@ class BatchRun(Protocol):
         ...
 
     def relocated(self, actor: EntityRows, rows: BoolArray) -> None:
-        """Show an entity where an action has put it at this time, in some runs (n,), not only after the coming step."""
+        """Show an entity where an action has put it at this time, in some runs (n,), not only after
+        the coming step."""
         ...
 
     def one_by_one(
@@ -132,11 +135,13 @@ class BatchRun(Protocol):
         others: Iterable[Entity],
         act: Callable[[Entity, int], object],
     ) -> None:
-        """Do something with an entity in some runs as the interpreter does it; a run in which it is refused is left.
+        """Do something with an entity in some runs as the interpreter does it; a run in which it is
+        refused is left.
 
         Args:
             others: entities whose state is needed as well.
-            act: called with the entity of the compiled scenario, as it is in a run, and the run's row.
+            act: called with the entity of the compiled scenario, as it is in a run, and the run's
+                row.
         """
         ...
 
@@ -163,7 +168,8 @@ class BatchProcess(RunRows):
         return np.zeros_like(rows)
 
     def step(self, dt: float) -> BoolArray:
-        """Act on the interval from now to now + dt (s) where it is active; the runs in which it reaches its goal."""
+        """Act on the interval from now to now + dt (s) where it is active; the runs in which it
+        reaches its goal."""
         return np.zeros_like(self.active)
 
     def stop(self, rows: BoolArray) -> None:
@@ -177,12 +183,14 @@ class BatchSteps(RunRows):
         """Take in what begins in a run."""
 
     def step(self, rows: BoolArray, dt: float) -> BoolArray:
-        """Act on the interval from now to now + dt (s) in some runs (n,); those in which the goal is reached."""
+        """Act on the interval from now to now + dt (s) in some runs (n,); those in which the goal
+        is reached."""
         raise NotImplementedError
 
 
 class RunByRun(BatchProcess):
-    """An action that is executed run by run as in a single run, while all else of the runs is done in arrays.
+    """An action that is executed run by run as in a single run, while all else of the runs is done
+    in arrays.
 
     Its steps are arrays as well where the action has them (`PrivateAction.steps_in_arrays`).
 
@@ -261,7 +269,8 @@ def picked(element: Any, number: int) -> Any:
 
 
 class NamedValue(RunRows):
-    """A parameter or variable in many runs: the values that occur, and the index of the one it has in each.
+    """A parameter or variable in many runs: the values that occur, and the index of the one it has
+    in each.
 
     Args:
         values: in each run (n,).

@@ -1,4 +1,5 @@
-"""Compile a resolved OpenSCENARIO document: elements become runtime objects, all references are checked.
+"""Compile a resolved OpenSCENARIO document: elements become runtime objects, all references are
+checked.
 
 The result can be run again and again: what a run changes of it is reset before the next one.
 Everything that is not executed is refused here, by name, file and line.
@@ -73,7 +74,8 @@ WRAPPERS = {
     "TrafficAction",
     "UserDefinedAction",
 }
-"""Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
+"""Elements that only group the action inside them; an action may look at `Node.parent` for their
+attributes."""
 
 _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
@@ -101,7 +103,8 @@ class Scenario:
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
     observers: tuple[Callable[[Run], None], ...] = ()
-    """called at the end of each step, for conditions that watch what goes on before they are asked"""
+    """called at the end of each step, for conditions that watch what goes on before they are asked
+    """
     remarks: tuple[Remark, ...] = ()
     """what was assumed in the scenario's files and in its road network"""
 
@@ -164,7 +167,8 @@ class ScenarioContext:
             check()
 
     def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
-        """Go on with the one sensible meaning of an element that breaks a rule, with a remark; refused where strict."""
+        """Go on with the one sensible meaning of an element that breaks a rule, with a remark;
+        refused where strict."""
         self.remarks.add(node.remark(rule, text, cause))
 
     def need_network(self, node: Node) -> RoadNetwork:
@@ -213,7 +217,8 @@ class ScenarioContext:
     # families -------------------------------------------------------------------------------
 
     def actions(self, node: Node) -> list[Action]:
-        """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing inside does nothing.
+        """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing
+        inside does nothing.
 
         Public files hold an empty Action on purpose. An empty PrivateAction, or wrapper inside it,
         is an unfinished action.
@@ -290,7 +295,8 @@ class ScenarioContext:
 
 
 def _initial_values(declared: Mapping[str, ParameterDeclaration]) -> dict[str, Any]:
-    """Initial values by name; columns where they vary between the sets for which the document is read."""
+    """Initial values by name; columns where they vary between the sets for which the document is
+    read."""
     return {
         name: parameter.value if parameter.column is None else parameter.column
         for name, parameter in declared.items()
@@ -343,7 +349,8 @@ def compile_scenario(
 
 
 def _executed(remark: Remark) -> Remark:
-    """A remark on a document; an element beyond the standard that an extension registered is executed, not ignored."""
+    """A remark on a document; an element beyond the standard that an extension registered is
+    executed, not ignored."""
     if remark.cause != "ignored":
         return remark
     for family in (registry.action, registry.condition, registry.position):
@@ -368,7 +375,8 @@ def _check_signals(context: ScenarioContext) -> None:
 
 
 def _check_mirror(context: ScenarioContext) -> None:
-    """Have a remark where all positions of a scenario with CARLA's axes fit the roads without them only."""
+    """Have a remark where all positions of a scenario with CARLA's axes fit the roads without them
+    only."""
     network, document = context.network, context.document
     positions = list(document.node.iter("WorldPosition")) if document.mirrored else []
     if network is None or not positions:
@@ -389,7 +397,8 @@ def _on_road(network: RoadNetwork, x: float, y: float) -> bool:
 
 
 def _check_presence(context: ScenarioContext) -> None:
-    """Have a remark on each entity that the stories or the stop trigger refer to, and that no action can place."""
+    """Have a remark on each entity that the stories or the stop trigger refer to, and that no
+    action can place."""
     places = placeable(context.storyboard)
     if places is None:
         return
@@ -460,7 +469,8 @@ def _read_init(node: Node, context: ScenarioContext) -> None:
 
 
 def _initial(actions: list[Action], actor: Entity | None, node: Node) -> ActionElement:
-    """Actions of the Init section as one element; it has no name in the file, the event log needs one."""
+    """Actions of the Init section as one element; it has no name in the file, the event log needs
+    one."""
     what = "+".join(type(action).__name__ for action in actions)
     name = f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}"
     return ActionElement(name, None, actions, node=node)
@@ -490,7 +500,8 @@ def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
 
 
 def _actors(group: Node, context: ScenarioContext) -> tuple[list[list[Entity]], bool]:
-    """The members of each entity or selection that a ManeuverGroup names, and whether it selects the triggering entities."""
+    """The members of each entity or selection that a ManeuverGroup names, and whether it selects
+    the triggering entities."""
     node = group.need("Actors")
     references = [context.entities(reference) for reference in node.children("EntityRef")]
     select_triggering = bool(node.bool("selectTriggeringEntities", False))
@@ -517,7 +528,8 @@ def _named(node: Node) -> str:
 
 
 def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
-    """Return the children of a storyboard element that must have some. Without it ends as soon as it starts, untested."""
+    """Return the children of a storyboard element that must have some. Without it ends as soon as
+    it starts, untested."""
     found = node.children(tag)
     if not found:
         context.repair(

@@ -72,7 +72,8 @@ class Position(ABC):
     def stations(
         self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
-        """s (m) of the place in many runs (n,), where it differs from that in one of them by s alone; NaN where not.
+        """s (m) of the place in many runs (n,), where it differs from that in one of them by s
+        alone; NaN where not.
 
         None for positions that say nothing of it.
 
@@ -129,7 +130,8 @@ class _Rebuilt:
         self.known = self.at(0)
 
     def attributes(self, node: Node) -> dict[str, FloatArray] | None:
-        """Values of the attributes that vary, in each set, by name; None where they are not all of a node."""
+        """Values of the attributes that vary, in each set, by name; None where they are not all of
+        a node."""
         if any(element is not node.element for element, _, _ in self._varying):
             return None
         return {str(name): values for _, name, values in self._varying}
@@ -219,14 +221,16 @@ class Condition(ABC):
     """Whether the expression stays true for the rest of a run once it is."""
 
     mishap: bool = False
-    """Whether a run in which the expression becomes true has gone wrong: a contact, an entity off the road or at its end."""
+    """Whether a run in which the expression becomes true has gone wrong: a contact, an entity off
+    the road or at its end."""
 
     def reset(self) -> None:
         """A run begins: forget what the last one has left."""
         self.triggering = ()
 
     def measure_from(self, run: Instant) -> None:
-        """Count times and distances from now on instead of from the beginning of the run; most conditions count nothing."""
+        """Count times and distances from now on instead of from the beginning of the run; most
+        conditions count nothing."""
         return
 
     def dormant_until(self, run: Instant) -> Dormancy:
@@ -238,7 +242,8 @@ class Condition(ABC):
         """The logical expression at the simulation's current time."""
 
     def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
-        """Return a function that evaluates the expression in many runs at once: masks (n,) at their current time.
+        """Return a function that evaluates the expression in many runs at once: masks (n,) at their
+        current time.
 
         Raises:
             NotInArrays: it is evaluated in single runs only, as by default.
@@ -282,12 +287,13 @@ class EntityCondition(ABC):
 
 
 class NearCondition(EntityCondition):
-    """An expression that holds only near to something: where that is far, it need not be looked at for a while."""
+    """An expression that holds only near to something: where that is far, it need not be looked at
+    for a while."""
 
     @abstractmethod
     def way(self, entity: Entity, run: Instant) -> float:
-        """Return the distance (m) each entity may move before the expression, now false, can hold for this entity; 0 if
-        unknown."""
+        """Return the distance (m) each entity may move before the expression, now false, can hold
+        for this entity; 0 if unknown."""
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
         """End of the way on which it is certainly not near."""
@@ -365,7 +371,8 @@ class ByEntityCondition(Condition):
 
 
 LONGITUDINAL, LIGHTING, ANIMATION = "longitudinal", "lighting", "animation"
-"""Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a time."""
+"""Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a
+time."""
 
 
 def need_places(node: Node, *entities: Entity) -> None:
@@ -399,7 +406,8 @@ class PrivateAction(ABC):
 
     @property
     def places(self) -> bool:
-        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered by it."""
+        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered
+        by it."""
         return False
 
     @property
@@ -446,7 +454,8 @@ class PrivateAction(ABC):
         raise _single(self)
 
     def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
-        """Make its steps in many runs, in each of which it begins by itself; None where they are done run by run too."""
+        """Make its steps in many runs, in each of which it begins by itself; None where they are
+        done run by run too."""
         return None
 
     def at_set(self, number: int) -> PrivateAction:

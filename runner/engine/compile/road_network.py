@@ -1,4 +1,5 @@
-"""The road network that a scenario runs on: its own, found where it is, or one that is made from the positions it uses."""
+"""The road network that a scenario runs on: its own, found where it is, or one that is made from
+the positions it uses."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ _LANE_WIDTH = 3.5
 def load_roads(
     document: Resolved, road: str | None, road_path: Sequence[str] = (), strict: bool = False
 ) -> tuple[RoadNetwork | None, tuple[Remark, ...]]:
-    """The road network of a resolved scenario, None where it has none, and what was assumed to find it.
+    """The road network of a resolved scenario, None where it has none, and what was assumed to find
+    it.
 
     Args:
         road: an OpenDRIVE file, or `auto` for straight roads, where the network is missing; None
@@ -66,7 +68,8 @@ def roads_for(
     catalog_path: Sequence[str] = (),
     enforce_constraints: bool = True,
 ) -> RoadFile | None:
-    """The road network of a scenario, or else the one that the setting `road` gives; errors as in `load_roads`.
+    """The road network of a scenario, or else the one that the setting `road` gives; errors as in
+    `load_roads`.
 
     None where there is no LogicFile and no position that needs one.
     """
@@ -87,7 +90,8 @@ def roads_for(
 
 
 def _own(logic: Node | None, road: str | None, road_path: Sequence[str]) -> RoadFile | None:
-    """The road network that a LogicFile names; None where there is none, or where another is given for one that is missing."""
+    """The road network that a LogicFile names; None where there is none, or where another is given
+    for one that is missing."""
     if logic is None:
         return None
     try:
@@ -143,7 +147,8 @@ def _keep(content: bytes, path: Path) -> None:
 
 
 def road_uses(scenario: Node) -> list[RoadUse]:
-    """The roads that the positions of a resolved scenario name, with the lengths and lanes that they need."""
+    """The roads that the positions of a resolved scenario name, with the lengths and lanes that
+    they need."""
     from xodr.builders.roads_and_ramps import RoadUse
 
     ends: dict[str, float] = defaultdict(float)

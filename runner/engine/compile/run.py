@@ -1,4 +1,5 @@
-"""A run as others see it: what it offers to positions, conditions and actions, its storyboard elements, and actions in progress.
+"""A run as others see it: what it offers to positions, conditions and actions, its storyboard
+elements, and actions in progress.
 
 Each protocol adds to the one before. `runner.engine.storyboard.simulation.Simulation` is all of
 them.
@@ -36,7 +37,8 @@ class Surroundings(Protocol):
 
     @property
     def remarks(self) -> Remarks:
-        """Repairs that only a run can know of, as `Context.repair` is for those that the files show."""
+        """Repairs that only a run can know of, as `Context.repair` is for those that the files
+        show."""
         ...
 
 
@@ -60,8 +62,8 @@ class Instant(Surroundings, Protocol):
 
     @property
     def changes(self) -> int:
-        """Number of calls of `Run.wake`: one for each discrete change of storyboard elements, values, contacts and the set of
-        entities."""
+        """Number of calls of `Run.wake`: one for each discrete change of storyboard elements,
+        values, contacts and the set of entities."""
         ...
 
     @property
@@ -104,7 +106,8 @@ class Run(Instant, Protocol):
 
     @property
     def initialising(self) -> bool:
-        """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
+        """Whether the initial actions and the events of time 0 are starting: what takes no time
+        sets the initial state."""
         ...
 
     @property
@@ -128,7 +131,8 @@ class Run(Instant, Protocol):
         ...
 
     def wake(self) -> None:
-        """Have conditions that rest looked at again: to be called by whatever changes state that they may read.
+        """Have conditions that rest looked at again: to be called by whatever changes state that
+        they may read.
 
         `note`, and all methods below that bring, take out or move entities, do so themselves.
         """
@@ -147,15 +151,18 @@ class Run(Instant, Protocol):
         ...
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes
+        straight ahead."""
         ...
 
     def relocated(self, entity: Entity) -> None:
-        """Show an entity, and its trailers, where an action has put it at this time, not only after the coming step."""
+        """Show an entity, and its trailers, where an action has put it at this time, not only after
+        the coming step."""
         ...
 
     def activate(self, entity: Entity, placement: Placement) -> None:
-        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked for, its trailers with it."""
+        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked
+        for, its trailers with it."""
         ...
 
     def deactivate(self, entity: Entity) -> None:
@@ -163,7 +170,8 @@ class Run(Instant, Protocol):
         ...
 
     def spawn(self, entity: Entity, placement: Placement, speed: float) -> bool:
-        """Bring in traffic at a speed (m/s) for the world's own driver; false where that can't drive."""
+        """Bring in traffic at a speed (m/s) for the world's own driver; false where that can't
+        drive."""
         ...
 
     def despawn(self, entity: Entity) -> None:
@@ -172,7 +180,8 @@ class Run(Instant, Protocol):
 
 
 class Rest(NamedTuple):
-    """Rest of an action that ends, or is under way when the run stops: its goal, what is reached and what is left.
+    """Rest of an action that ends, or is under way when the run stops: its goal, what is reached
+    and what is left.
 
     Attributes:
         goal, reached: texts with units.
@@ -195,7 +204,8 @@ class Running(Protocol):
     __slots__ = ()
 
     def rest(self) -> Rest | None:
-        """Return what is left of its goal, by default nothing: after the step that has led to its end, or where the run stops."""
+        """Return what is left of its goal, by default nothing: after the step that has led to its
+        end, or where the run stops."""
         return None
 
     def follows(self) -> Entity | None:
@@ -203,11 +213,13 @@ class Running(Protocol):
         return None
 
     def step(self, dt: float) -> bool:
-        """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""
+        """Act on the interval from now to now + dt (s); true when the action's goal is reached at
+        its end."""
         ...
 
     def stop(self) -> None:
-        """Give back whatever is held, by default nothing; called once, when the action ends, is overridden or stopped."""
+        """Give back whatever is held, by default nothing; called once, when the action ends, is
+        overridden or stopped."""
         return
 
 
@@ -238,7 +250,8 @@ class StoryboardElement(Protocol):
 
     @property
     def path(self) -> str:
-        """Name with the names of the enclosing elements, joined by `::` as in a StoryboardElementRef."""
+        """Name with the names of the enclosing elements, joined by `::` as in a
+        StoryboardElementRef."""
         ...
 
     @property

@@ -31,7 +31,8 @@ class Angles(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """The angle (rad) that an orientation is compared with: which one, in which coordinate system, how exactly."""
+    """The angle (rad) that an orientation is compared with: which one, in which coordinate system,
+    how exactly."""
 
     kind: str
     angle: float
@@ -52,7 +53,8 @@ class Aim(NamedTuple):
         )
 
     def of(self, entity: Entity, run: Instant) -> float | None:
-        """The entity's angle in the coordinate system, in (−π, π]; None where there is no such system."""
+        """The entity's angle in the coordinate system, in (−π, π]; None where there is no such
+        system."""
         reference = _reference(entity, run, self.system)
         if reference is None:
             return None
@@ -70,7 +72,8 @@ class Aim(NamedTuple):
 
 
 def _reference(entity: Entity, run: Instant, system: str) -> Angles | None:
-    """Orientation of a coordinate system where the entity is: roads and lanes point towards +s, whatever the traffic does."""
+    """Orientation of a coordinate system where the entity is: roads and lanes point towards +s,
+    whatever the traffic does."""
     if system == "world":
         return Angles(0.0, 0.0, 0.0)
     if system == "entity":
@@ -94,7 +97,8 @@ def _reference(entity: Entity, run: Instant, system: str) -> Angles | None:
 
 @condition("AngleCondition")
 class AngleCondition(EntityCondition):
-    """True while an angle of the entity in a coordinate system (default world) is within a tolerance of a value."""
+    """True while an angle of the entity in a coordinate system (default world) is within a
+    tolerance of a value."""
 
     def __init__(self, aim: Aim) -> None:
         self.aim = aim
@@ -115,7 +119,8 @@ class AngleCondition(EntityCondition):
 
 @condition("RelativeAngleCondition")
 class RelativeAngleCondition(EntityCondition):
-    """True while an angle of the triggering entity minus that of the reference entity is within a tolerance of a value.
+    """True while an angle of the triggering entity minus that of the reference entity is within a
+    tolerance of a value.
 
     In road, lane and trajectory coordinates each angle is taken where its entity is, so that two
     vehicles that follow a curve one behind the other have no relative heading. In world and entity

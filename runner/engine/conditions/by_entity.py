@@ -84,7 +84,8 @@ class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
-        """Until the entity, if it stands from now on, has stood for the duration; a trailer has what its tractor has."""
+        """Until the entity, if it stands from now on, has stood for the duration; a trailer has
+        what its tractor has."""
         if entity.controls.tractor is not None or self._lasted(entity.standstill):
             return AWAKE
         left = self.duration - entity.standstill - 2.0 * TOLERANCE
@@ -105,7 +106,8 @@ class StandStillCondition(_Lasting):
 
 @condition("OffroadCondition")
 class OffroadCondition(_Lasting):
-    """True once the entity's reference point has been off the road (no lane under it, or one of type none) for the duration."""
+    """True once the entity's reference point has been off the road (no lane under it, or one of
+    type none) for the duration."""
 
     mishap = True
 
@@ -157,7 +159,8 @@ class CollisionCondition(EntityCondition):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> CollisionCondition:
-        """Read the EntityRef (an entity or a selection) or ByType; without either any contact counts."""
+        """Read the EntityRef (an entity or a selection) or ByType; without either any contact
+        counts."""
         if not node.children():
             context.repair(
                 node,
@@ -204,7 +207,8 @@ class CollisionCondition(EntityCondition):
 
 @condition("SpeedCondition")
 class SpeedCondition(EntityCondition):
-    """Compares the entity's speed (m/s): signed along its heading, or the projection of its velocity on one of its axes."""
+    """Compares the entity's speed (m/s): signed along its heading, or the projection of its
+    velocity on one of its axes."""
 
     def __init__(self, comparison: Comparison, direction: str | None) -> None:
         self.comparison = comparison
@@ -386,7 +390,8 @@ class TraveledDistanceCondition(EntityCondition):
 
 
 def project(entity: Entity, x: float, y: float, direction: str) -> float:
-    """Component of a horizontal vector along an entity's axis: positive forward, to the left; 0 vertically.
+    """Component of a horizontal vector along an entity's axis: positive forward, to the left; 0
+    vertically.
 
     Participants move in the plane of the road under them, which has no component along their
     vertical axis.

@@ -1,4 +1,5 @@
-"""Conditions on time, on values (OpenSCENARIO XML 1.3, ByValueCondition), and on the state of storyboard elements."""
+"""Conditions on time, on values (OpenSCENARIO XML 1.3, ByValueCondition), and on the state of
+storyboard elements."""
 
 from __future__ import annotations
 
@@ -77,7 +78,8 @@ class SimulationTimeCondition(Condition):
 
 @condition("TimeOfDayCondition")
 class TimeOfDayCondition(Condition):
-    """Compares the date and time that an EnvironmentAction has set, which moves with the simulation if animated.
+    """Compares the date and time that an EnvironmentAction has set, which moves with the simulation
+    if animated.
 
     False while none has been set.
     """
@@ -205,7 +207,8 @@ class _NamedValueCondition(Condition):
 def _declared(
     node: Node, attribute: str, declared: Mapping[str, ParameterDeclaration], context: Context
 ) -> tuple[str, _Expected]:
-    """Name of a declared parameter or variable, and the value to compare with, read as its type says."""
+    """Name of a declared parameter or variable, and the value to compare with, read as its type
+    says."""
     name = node.get(attribute)
     if name not in declared:
         raise node.invalid(f"{attribute}={name!r} is not declared in this scenario")
@@ -260,7 +263,8 @@ class VariableCondition(_NamedValueCondition):
 
 @condition("UserDefinedValueCondition")
 class UserDefinedValueCondition(_NamedValueCondition):
-    """Compares a value that comes from outside the scenario: as numbers where both are, else as texts."""
+    """Compares a value that comes from outside the scenario: as numbers where both are, else as
+    texts."""
 
     what = "user-defined value"
 
@@ -351,7 +355,8 @@ class StoryboardElementStateCondition(Condition):
 
     element: StoryboardElement
     around: bool = False
-    """whether the element contains the condition: then it has always done its part of a step before the condition looks"""
+    """whether the element contains the condition: then it has always done its part of a step before
+    the condition looks"""
 
     def __init__(self, state: str) -> None:
         self.state = state

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 
 class LaneRange(NamedTuple):
-    """Lanes relative to the entity's own, positive to its left; infinite where the file sets no limit."""
+    """Lanes relative to the entity's own, positive to its left; infinite where the file sets no
+    limit."""
 
     low: float
     high: float
@@ -36,7 +37,8 @@ class LaneRange(NamedTuple):
 
 @condition("RelativeClearanceCondition")
 class RelativeClearanceCondition(EntityCondition):
-    """True while lanes beside the entity are to be checked and they are free over the distances checked.
+    """True while lanes beside the entity are to be checked and they are free over the distances
+    checked.
 
     Lanes are counted from the entity's own, positive to its left, the centre lane left out. Those
     of the ranges that the road has are checked, an opening one from its beginning; lanes against
@@ -157,12 +159,14 @@ class RelativeClearanceCondition(EntityCondition):
 
 
 def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:
-    """Return the lanes of the road at a point: relative lane, positive to the left when facing `side` (±1 for ±s) → lane id."""
+    """Return the lanes of the road at a point: relative lane, positive to the left when facing
+    `side` (±1 for ±s) → lane id."""
     return {side * lanes_between(point.lane_id, lane): lane for lane in road.lane_ids(point.s)}
 
 
 def _lanes_under(road: Road, seen: Bearing, right: float, left: float) -> list[int]:
-    """Lanes that a stretch of t covers, counted from the lane of the reference point towards +t of its road."""
+    """Lanes that a stretch of t covers, counted from the lane of the reference point towards +t of
+    its road."""
     s = seen.b.s
     section = road.section(s)
     found = []

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from schemas.common.array_types import BoolArray, FloatArray
 
 TOLERANCE = 1e-6
-"""Quantities closer than this count as equal, and as neither less nor greater, so that sums of time steps and rounded
-file values compare as they are meant (esmini's tolerance)."""
+"""Quantities closer than this count as equal, and as neither less nor greater, so that sums of time
+steps and rounded file values compare as they are meant (esmini's tolerance)."""
 
 
 def _equal(quantity: float, value: float) -> bool:
@@ -27,7 +27,8 @@ def _not_equal(quantity: float, value: float) -> bool:
 
 
 class ComparisonRule(NamedTuple):
-    """A Rule of the standard: how it is written, what it compares, and where the tolerance puts its border."""
+    """A Rule of the standard: how it is written, what it compares, and where the tolerance puts its
+    border."""
 
     symbol: str
     holds: Callable[[float, float], bool]

@@ -1,4 +1,5 @@
-"""Conditions on distances and on times derived from them (OpenSCENARIO XML 1.3, EntityCondition and 6.4).
+"""Conditions on distances and on times derived from them (OpenSCENARIO XML 1.3, EntityCondition and
+6.4).
 
 Distances are compared without their sign. How each is measured is said in
 `runner.engine.motion.spacing`.
@@ -40,7 +41,8 @@ _TYPES = {
     "cartesianDistance": "euclidean",
 }
 _FAR = 50.0
-"""Distance (m) in the plane, beyond twice a way along roads, from which that way is certainly longer"""
+"""Distance (m) in the plane, beyond twice a way along roads, from which that way is certainly
+longer"""
 _STILL = 1e-6
 """Speed (m/s) from which a time headway is defined"""
 
@@ -81,7 +83,8 @@ class DistanceMeasure(NamedTuple):
         )
 
     def between(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
-        """The distance, signed where it has a direction (see `runner.engine.motion.spacing`); None where it is undefined."""
+        """The distance, signed where it has a direction (see `runner.engine.motion.spacing`); None
+        where it is undefined."""
         if self.kind == "euclidean":
             return spacing.euclidean(a, b, self.freespace)
         measure = spacing.longitudinal if self.kind == "longitudinal" else spacing.lateral
@@ -99,7 +102,8 @@ class DistanceMeasure(NamedTuple):
     def between_batch(
         self, run: BatchRun, a: EntityRows, b: EntityRows | PlaceRows, below: FloatArray | float
     ) -> FloatArray:
-        """`between` in many runs (n,); NaN where it is undefined, or in the plane certainly not `below` a distance (m)."""
+        """`between` in many runs (n,); NaN where it is undefined, or in the plane certainly not
+        `below` a distance (m)."""
         found, known = (
             spacing.euclidean_batch(a, b, self.freespace)
             if self.kind == "euclidean"
@@ -157,11 +161,13 @@ class DistanceTarget:
 
     @property
     def bound(self) -> bool:
-        """Whether it moves as participants do, or not at all; a position that is relative to one may move faster."""
+        """Whether it moves as participants do, or not at all; a position that is relative to one
+        may move faster."""
         return self.position is None or self.position.fixed is not None
 
     def find(self, run: Instant, actor: Entity) -> Entity | Placement | None:
-        """Return the current entity or place; None for an absent entity, or a position relative to one."""
+        """Return the current entity or place; None for an absent entity, or a position relative to
+        one."""
         if self.entity is not None:
             return self.entity if self.entity.active and self.entity.placed else None
         assert self.position is not None
@@ -243,7 +249,8 @@ class _Measured(EntityCondition):
     def between_batch(
         self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
     ) -> FloatArray:
-        """`between` in many runs (n,); NaN where it is undefined, or is certainly too great for the comparison."""
+        """`between` in many runs (n,); NaN where it is undefined, or is certainly too great for the
+        comparison."""
         raise NotInArrays(f"{type(self).__name__} is evaluated in single runs only")
 
     def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
@@ -291,7 +298,8 @@ class _DistanceCondition(_Measured, NearCondition):
         return self._gaps[entity].exceeds(self.comparison.greatest)
 
     def way(self, entity: Entity, run: Instant) -> float:
-        """Half of the way to where a distance, straight or along a plain road, is short enough: both go it."""
+        """Half of the way to where a distance, straight or along a plain road, is short enough:
+        both go it."""
         target = self.target.find(run, entity) if self.target.bound else None
         measure = self.measure
         if target is None:
@@ -353,7 +361,8 @@ class RelativeDistanceCondition(_DistanceCondition):
 
 @condition("ReachPositionCondition")
 class ReachPositionCondition(NearCondition):
-    """True while the reference point is within a circle about a position (deprecated by the standard for DistanceCondition)."""
+    """True while the reference point is within a circle about a position (deprecated by the
+    standard for DistanceCondition)."""
 
     def __init__(self, target: DistanceTarget, tolerance: float) -> None:
         self.target = target
@@ -398,7 +407,8 @@ class ReachPositionCondition(NearCondition):
 
 @condition("TimeHeadwayCondition")
 class TimeHeadwayCondition(_Measured):
-    """Compares distance by own speed (s): undefined unless the other is ahead and the entity drives forward."""
+    """Compares distance by own speed (s): undefined unless the other is ahead and the entity drives
+    forward."""
 
     what = "time headway"
 

@@ -1,4 +1,5 @@
-"""Changes of values over time: transition shapes, limits, and the controller that closes a gap within limits.
+"""Changes of values over time: transition shapes, limits, and the controller that closes a gap
+within limits.
 
 A shape runs from 0 to 1 over a normalised parameter p in [0, 1] (OpenSCENARIO XML 1.3, class
 DynamicsShape). Its steepest slope relates a `rate` to a duration, duration = slope · |change| /
@@ -91,7 +92,8 @@ _VALUES: dict[Callable[[float], float], Callable[[FloatArray], FloatArray]] = {
 
 
 class TransitionDynamics(NamedTuple):
-    """TransitionDynamics: shape, what its value means, and whether the entity's Performance bounds it.
+    """TransitionDynamics: shape, what its value means, and whether the entity's Performance bounds
+    it.
 
     `value` is a time (s), a rate (unit of the changing value per second) or a distance (m), not
     negative. `strict` is followingMode `position`: the transition takes the time that it says
@@ -125,7 +127,8 @@ class TransitionDynamics(NamedTuple):
         return cls(shape, dimension, value, mode == "position")
 
     def extent(self, change: float) -> float:
-        """Return the extent of a transition by `change`: s, or m for the dimension distance; 0 at once, infinite never."""
+        """Return the extent of a transition by `change`: s, or m for the dimension distance; 0 at
+        once, infinite never."""
         if self.shape.slope == 0.0 or change == 0.0:
             return 0.0
         if self.dimension == "rate":
@@ -147,7 +150,8 @@ class TransitionDynamics(NamedTuple):
     def speed_duration_batch(
         self, start: FloatArray, target: FloatArray, performance: Performance, value: Any
     ) -> FloatArray:
-        """`speed_duration` in many runs (n,); NaN for a change over a distance from forward to backward motion."""
+        """`speed_duration` in many runs (n,); NaN for a change over a distance from forward to
+        backward motion."""
         duration = self.extent_batch(target - start, value)
         if self.dimension == "distance":
             mean = np.where(start * target >= 0.0, np.abs(start + target) / 2.0, np.nan)
@@ -199,7 +203,8 @@ class TransitionDynamics(NamedTuple):
 
 
 def read_constraints(node: Node | None) -> Performance | None:
-    """Read DynamicConstraints; limits that it does not give are infinite. None where the element is absent."""
+    """Read DynamicConstraints; limits that it does not give are infinite. None where the element is
+    absent."""
     if node is None:
         return None
     names = (
@@ -216,14 +221,16 @@ def read_constraints(node: Node | None) -> Performance | None:
 
 
 def tighter(constraints: Performance, performance: Performance) -> Performance:
-    """Limits of a controller that an action activates: no vehicle exceeds the constraints, or its own limits."""
+    """Limits of a controller that an action activates: no vehicle exceeds the constraints, or its
+    own limits."""
     return Performance(
         *(min(own, other) for own, other in zip(constraints, performance, strict=True))
     )
 
 
 class GapController:
-    """Closes a gap within limits of speed, acceleration, deceleration and jerk, and hardly overshoots.
+    """Closes a gap within limits of speed, acceleration, deceleration and jerk, and hardly
+    overshoots.
 
     It steers the closing speed to u(gap) by a = 2 √k (u − closing speed). Near the goal u = λ · gap
     with λ = √k / 2, which makes it a critically damped spring of stiffness k = 0.4 · b, where b is
@@ -231,9 +238,10 @@ class GapController:
     u = √(2 B gap − (B / λ)²). A jerk limit j bounds the bandwidth, √k ≤ j / limit. Without any
     limit but that of speed, the gap is closed as fast as that allows.
 
-    Changes of speed have a planner of their own (`speed_plans`), because a speed is reached in a known
-    time while a gap's goal moves as its reference drives. Planned by that one, chasing the speed u,
-    the gap closes a quarter later or overshoots by metres (`test_a_plan_of_speeds_closes_gaps_worse`).
+    Changes of speed have a planner of their own (`speed_plans`), because a speed is reached in a
+    known time while a gap's goal moves as its reference drives. Planned by that one, chasing the
+    speed u, the gap closes a quarter later or overshoots by metres
+    (`test_a_plan_of_speeds_closes_gaps_worse`).
 
     Args:
         limits: infinite where there are none.
@@ -292,7 +300,8 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
 
 
 class Easing:
-    """The way of an entity, whose lane has ended beside another or that changes lanes for its route, to its place in a lane.
+    """The way of an entity, whose lane has ended beside another or that changes lanes for its
+    route, to its place in a lane.
 
     It is a cubic, smooth at both ends.
 

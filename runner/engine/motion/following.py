@@ -21,7 +21,8 @@ _SHARPEST = 1.0
 
 
 class SteeredMotion:
-    """A kinematic bicycle about the rear axle, on the surface of the road: the heading turns with v·tan(δ)/L.
+    """A kinematic bicycle about the rear axle, on the surface of the road: the heading turns with
+    v·tan(δ)/L.
 
     Source: Rajamani, "Vehicle Dynamics and Control" (2012), 2.2, with the reference point on the
     rear axle.
@@ -34,7 +35,8 @@ class SteeredMotion:
         self._angle = 0.0
 
     def steer(self, entity: Entity, angle: float) -> None:
-        """Take the entity off its lane or path and turn its front wheels, rad, positive to the left."""
+        """Take the entity off its lane or path and turn its front wheels, rad, positive to the
+        left."""
         most = entity.declared.max_steering or _SHARPEST
         self._angle = max(-most, min(most, angle))
         entity.on_lane = False
@@ -63,7 +65,8 @@ class SteeredMotion:
 
 
 class PosedMotion:
-    """Pose by pose as a system under test with a vehicle model of its own gives them, on the surface of the road."""
+    """Pose by pose as a system under test with a vehicle model of its own gives them, on the
+    surface of the road."""
 
     stands = False
 
@@ -140,7 +143,8 @@ class PathMotion:
         self.turns = True
         """Whether the entity turns with the path; else it keeps its heading."""
         self._gear = 0.0
-        """Direction of motion for positive speed: +1 along the path, -1 against it; 0 before the first motion"""
+        """Direction of motion for positive speed: +1 along the path, -1 against it; 0 before the
+        first motion"""
         self._back = False
         self.left = False
         """Whether the entity has gone back to its lane by itself."""
@@ -226,7 +230,8 @@ class PathMotion:
         return math.cos(entity.h - tangent(self.path, self.s))
 
     def reached(self, speed: float, dt: float) -> float:
-        """Return the station (m) after a step of dt (s) at a speed (m/s). Times always increase along the path."""
+        """Return the station (m) after a step of dt (s) at a speed (m/s). Times always increase
+        along the path."""
         gear = self._gear or self._engaged(speed)
         return self.s + (abs(speed) if self._timed else gear * speed) * dt
 
@@ -238,7 +243,8 @@ class PathMotion:
         return s >= self.path.length - _AT_END and self.again is None
 
     def backwards(self) -> bool:
-        """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
+        """Whether the orientation that the path prescribes faces against its direction, so that one
+        reverses along it."""
         return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < -_ACROSS
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
@@ -251,7 +257,8 @@ class PathMotion:
 
 
 def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, float] | None:
-    """The way of an entity to a path that it is not on, and the s (m) where it meets the path; None where it is on it.
+    """The way of an entity to a path that it is not on, and the s (m) where it meets the path; None
+    where it is on it.
 
     Args:
         s: the place on the path that it would have to be at, m.

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 STANDING_GAP = 2.0
 """Least gap (m) between bumpers at standstill"""
 TIME_GAP = 0.5
-"""Time (s) that the rear one of two needs to where the other one is, beyond the gap at standstill"""
+"""Time (s) that the rear one of two needs to where the other one is, beyond the gap at standstill
+"""
 _ASIDE = 0.25
 """Least distance (m) sideways to a box in the next lane that is no obstacle"""
 

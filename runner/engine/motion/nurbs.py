@@ -1,4 +1,5 @@
-"""Non-uniform rational B-splines, as B-splines in homogeneous coordinates, sampled once by arc length.
+"""Non-uniform rational B-splines, as B-splines in homogeneous coordinates, sampled once by arc
+length.
 
 Piegl and Tiller, The NURBS Book, 2nd ed., section 4.2.
 """
@@ -23,7 +24,8 @@ _STILL = 1e-9
 
 
 class ControlPoint(NamedTuple):
-    """A control point: position (m), weight, and where prescribed the time (s) and heading (rad, not wrapped) there."""
+    """A control point: position (m), weight, and where prescribed the time (s) and heading (rad,
+    not wrapped) there."""
 
     x: float
     y: float
@@ -116,7 +118,8 @@ def _check(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -
 
 
 def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -> list[float]:
-    """Curve parameters of the samples: the knots, and evenly between them as the control polygon's length suggests."""
+    """Curve parameters of the samples: the knots, and evenly between them as the control polygon's
+    length suggests."""
     found = [knots[order - 1]]
     for index in range(order - 1, len(points)):
         start, end = knots[index], knots[index + 1]

@@ -1,4 +1,5 @@
-"""Motion on the road network: along lanes, at the speed that the scenario has fixed, and the ways of moving that lead there.
+"""Motion on the road network: along lanes, at the speed that the scenario has fixed, and the ways
+of moving that lead there.
 
 This module owns the entity's side of the road conventions: `EntityState.direction` is +1 when the
 entity faces increasing s, offsets and t are positive to the left of the reference line's direction
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     from xodr.model.road import Road
 
 _SHARPEST = 1e-3
-"""Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
+"""Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be
+followed."""
 _MOVED = 1e-6
 """Distance (m) sideways that is no rounding"""
 _ACROSS = math.radians(45.0)
@@ -53,7 +55,8 @@ class LaneMotion:
         self.network = network
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
-        """Move along the lane; the entity's `target_offset`, where set, is reached at the end of the step.
+        """Move along the lane; the entity's `target_offset`, where set, is reached at the end of
+        the step.
 
         A lane change is driven at the given speed along its slanting path; a lane offset moves
         sideways on top. Where no action moves it sideways, it comes back to its place in the lane
@@ -99,7 +102,8 @@ class LaneMotion:
     def _glide(
         self, entity: Entity, road: Road, section: LaneSection, aside: float, ds: float, turn: float
     ) -> bool:
-        """Move within one element of a level road, along a lane whose centre keeps its t: most steps; false where it is not one.
+        """Move within one element of a level road, along a lane whose centre keeps its t: most
+        steps; false where it is not one.
 
         It does what `advance` and `_pose` do in general, with the element found once.
 
@@ -143,7 +147,8 @@ class LaneMotion:
     def advance_batch(
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
-        """`advance` in many runs (n,), where they are `going`; steps that leave a line or arc are done one by one."""
+        """`advance` in many runs (n,), where they are `going`; steps that leave a line or arc are
+        done one by one."""
         offset, distance, turn = rows.kept_offset, speed * dt, None
         steered = ~np.isnan(rows.target_offset)
         is_steered = steered.any()
@@ -215,7 +220,8 @@ class LaneMotion:
         controls.easing = easing
 
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
-        """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""
+        """Ask for the next offset on the way back into the lane, unless something else has moved
+        it, or is to."""
         controls = entity.controls
         if (
             controls.target_offset is not None
@@ -232,7 +238,8 @@ class LaneMotion:
             controls.easing = None
 
     def _sidestep(self, entity: Entity, distance: float) -> tuple[float, float]:
-        """Take the offset asked for: the distance that is left to go along the lane, and the angle of the way to it (rad)."""
+        """Take the offset asked for: the distance that is left to go along the lane, and the angle
+        of the way to it (rad)."""
         assert entity.controls.target_offset is not None
         lateral = entity.controls.target_offset - entity.kept_offset
         entity.kept_offset = entity.controls.target_offset
@@ -297,7 +304,8 @@ class LaneMotion:
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
 
     def _preferred(self, entity: Entity, point: RoadPoint) -> RoadPoint:
-        """The point on the layer of lanes that the entity prefers, once the layers do not differ where it is."""
+        """The point on the layer of lanes that the entity prefers, once the layers do not differ
+        where it is."""
         layer = entity.controls.preferred_layer
         if layer is None or layer == point.layer:
             return point
@@ -306,7 +314,8 @@ class LaneMotion:
         return moved if (moved.lane_id, moved.offset) == (point.lane_id, point.offset) else point
 
     def _on_route(self, point: RoadPoint, road: Road, route: Guide, forward: bool) -> RoadPoint:
-        """The point, on the lane under it where that goes on along the route and the lane that it is bound for does not."""
+        """The point, on the lane under it where that goes on along the route and the lane that it
+        is bound for does not."""
         under = road.lane_at(point.s, point.t)
         if (
             under == point.lane_id
@@ -324,7 +333,8 @@ class LaneMotion:
         return point._replace(lane_id=under, offset=point.t - road.lane_t(point.s, under))
 
     def _pose(self, entity: Entity, turn: float) -> None:
-        """World pose at the entity's road coordinates, facing along its lane but for the turn (rad) of a way across it."""
+        """World pose at the entity's road coordinates, facing along its lane but for the turn (rad)
+        of a way across it."""
         road, direction = entity.road, entity.direction
         assert road is not None and entity.section is not None
         if road.flat:
@@ -339,7 +349,8 @@ class LaneMotion:
         entity.h = h + math.pi if direction < 0 else h
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
-        """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
+        """Distance (m, in s) along the entity's route, or else the shortest way, to a place;
+        negative once passed."""
         assert entity.road is not None
         here = RoadPoint(
             entity.road.id, entity.s, entity.t, entity.kept_lane, entity.kept_offset, entity.layer
@@ -396,10 +407,12 @@ class Roads:
         self.network = network
         self.lane_motion = LaneMotion(network) if network is not None else None
         self.plain = network is not None and _plain(network)
-        """Whether there is one straight, level road and no way round: s changes no faster than the place in the plane."""
+        """Whether there is one straight, level road and no way round: s changes no faster than the
+        place in the plane."""
 
     def road_point(self, entity: Entity) -> RoadPoint | None:
-        """Return the place of an entity on the roads, with the lane under it; None without a road network."""
+        """Return the place of an entity on the roads, with the lane under it; None without a road
+        network."""
         if self.network is None:
             return None
         if entity.on_lane and entity.road is not None:
@@ -415,7 +428,8 @@ class Roads:
         return entity.located
 
     def is_off_road(self, entity: Entity) -> bool:
-        """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
+        """Whether an entity's reference point is on no lane of the road network; never where there
+        is no road network."""
         if entity.on_lane and entity.section is not None:
             # Within the borders of its lane no search is needed.
             lane = entity.section.lanes[entity.kept_lane]
@@ -430,7 +444,8 @@ class Roads:
         return point is not None and self.network is not None and not self.network.on_road(point)
 
     def is_within_lane(self, entity: Entity) -> bool:
-        """Whether an entity that follows a lane is on the road wherever in this lane section it goes on at its offset."""
+        """Whether an entity that follows a lane is on the road wherever in this lane section it
+        goes on at its offset."""
         if not entity.on_lane or entity.section is None:
             return False
         lane = entity.section.lanes[entity.kept_lane]
@@ -438,7 +453,8 @@ class Roads:
         return width is not None and lane.type != "none" and abs(entity.kept_offset) <= width / 2
 
     def clearance(self, entity: Entity) -> float:
-        """Return the distance (m) an entity in free motion on the road may move before it can leave the road; 0 if unknown.
+        """Return the distance (m) an entity in free motion on the road may move before it can leave
+        the road; 0 if unknown.
 
         It is known on straight roads with lanes of constant width.
         """
@@ -494,7 +510,8 @@ class Roads:
     def advance_batch(
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
-        """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead; return its speeds."""
+        """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead;
+        return its speeds."""
         along = going
         if self.lane_motion is None or not rows.on_lane.all():
             # An array of objects compared with None itself would give one value, not a mask.
@@ -521,13 +538,15 @@ class Roads:
             rows.store(row, entity)
 
     def stay(self, entity: Entity) -> None:
-        """After lateral action, have an entity keep to the lane that it is on, and not to the lanes that its route wishes for."""
+        """After lateral action, have an entity keep to the lane that it is on, and not to the lanes
+        that its route wishes for."""
         self.settle(entity)
         if entity.controls.route is not None:
             entity.controls.route.released = True
 
     def settle(self, entity: Entity) -> None:
-        """Have an entity keep to the lane that it is on (or will be on after this step), its place unchanged."""
+        """Have an entity keep to the lane that it is on (or will be on after this step), its place
+        unchanged."""
         road, section, controls = entity.road, entity.section, entity.controls
         if road is None or section is None or not entity.on_lane:
             return
@@ -547,7 +566,8 @@ class Roads:
             controls.target_offset = target - shift
 
     def prefer(self, entity: Entity, layer: str) -> None:
-        """Let an entity keep to a layer of lanes: where its lane is of the other one, from where the layers are one again."""
+        """Let an entity keep to a layer of lanes: where its lane is of the other one, from where
+        the layers are one again."""
         entity.controls.preferred_layer = layer
         point = self.road_point(entity)
         if point is None or self.network is None or point.layer == layer:
@@ -590,7 +610,8 @@ class Roads:
         self.follow_lane(entity, point, direction, turn if direction > 0 else wrap(turn + math.pi))
 
     def back_to_lane(self, entity: Entity) -> None:
-        """Let an entity follow the lane that it is on, at the offset and heading it has; off the road, go straight ahead.
+        """Let an entity follow the lane that it is on, at the offset and heading it has; off the
+        road, go straight ahead.
 
         Without any road there is nothing left to follow at the end of a path: the entity stops, as
         at the end of a road.

@@ -1,4 +1,5 @@
-"""Curves that entities follow off their lane, by arc length: polylines, clothoids, sampled curves, and chains of them.
+"""Curves that entities follow off their lane, by arc length: polylines, clothoids, sampled curves,
+and chains of them.
 
 Lengths and speeds are horizontal, as on roads. A path answers `at(s) -> WorldPose` for every step
 of every follower, so it is prepared when it is built; beyond its ends it goes on straight. The
@@ -38,7 +39,8 @@ class Path(Protocol):
 
 
 class Corner(NamedTuple):
-    """A vertex of a polyline: position (m), and the orientation (rad) where one is prescribed there."""
+    """A vertex of a polyline: position (m), and the orientation (rad) where one is prescribed
+    there."""
 
     x: float
     y: float
@@ -49,7 +51,8 @@ class Corner(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """A straight piece of a polyline: from s = start, direction (dx, dy, dz) and turning (dh, dp, dr) per metre."""
+    """A straight piece of a polyline: from s = start, direction (dx, dy, dz) and turning (dh, dp,
+    dr) per metre."""
 
     start: float
     length: float
@@ -63,7 +66,8 @@ class _Stretch(NamedTuple):
 
 
 class Polyline:
-    """Straight lines from corner to corner; prescribed orientations are interpolated between the corners.
+    """Straight lines from corner to corner; prescribed orientations are interpolated between the
+    corners.
 
     A corner without a heading has that of the line; without a pitch, that of the line's slope;
     without a roll, none.
@@ -174,7 +178,8 @@ class Segments:
 
 
 class Sample(NamedTuple):
-    """A point of a sampled curve: arc length s and position (m), heading of the tangent and orientation h (rad, not wrapped)."""
+    """A point of a sampled curve: arc length s and position (m), heading of the tangent and
+    orientation h (rad, not wrapped)."""
 
     s: float
     x: float
@@ -312,7 +317,8 @@ def _sample(
     leave: tuple[float, float],
     arrive: tuple[float, float],
 ) -> None:
-    """Add the samples of a cubic from a corner to the next, the first corner's own where there are none yet."""
+    """Add the samples of a cubic from a corner to the next, the first corner's own where there are
+    none yet."""
     # A sample each metre, at least 8 for short bends; 200 bound the cost of long chords.
     count = max(8, min(200, math.ceil(chord)))
     for number in range(1 if samples else 0, count + 1):
@@ -417,7 +423,8 @@ def nearest(path: Path, x: float, y: float) -> float:
 
 
 def _refined(path: Path, x: float, y: float, low: float, high: float, s: float) -> float:
-    """The foot of the perpendicular between two s, from a guess on the chord, by steps along the tangent."""
+    """The foot of the perpendicular between two s, from a guess on the chord, by steps along the
+    tangent."""
     # Steps along the tangent converge where the curve bends gently over a chord; the bound ends
     # those that do not.
     for _ in range(_REFINEMENTS):

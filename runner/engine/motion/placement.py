@@ -42,13 +42,15 @@ def wrap(angle: float) -> float:
 _ACROSS = 1e-6
 """Angle (rad) within which a heading counts as across the road."""
 _SHARPEST = 1e-3
-"""Lower limit of the way per s on the inner side of a curve, beyond whose centre a lane can't be followed."""
+"""Lower limit of the way per s on the inner side of a curve, beyond whose centre a lane can't be
+followed."""
 _OTHER_LEVEL = 2.0
 """Height (m) above or below a road's surface from which a pose has nothing to do with that road."""
 
 
 def tilted(pose: WorldPose, h: float) -> tuple[float, float]:
-    """Pitch and roll (rad) of something that stands on a surface and faces h, given the pose along the road."""
+    """Pitch and roll (rad) of something that stands on a surface and faces h, given the pose along
+    the road."""
     if not (pose.pitch or pose.roll):
         return 0.0, 0.0
     turn = h - pose.h
@@ -64,7 +66,8 @@ def surface(network: RoadNetwork, point: RoadPoint, h: float) -> tuple[float, fl
 
 
 def slant(road: Road, section: LaneSection, lane_id: int, s: float, t: float) -> float:
-    """Angle (rad) between the way along a lane, at the offset that t has from its centre, and the road's at (s, t)."""
+    """Angle (rad) between the way along a lane, at the offset that t has from its centre, and the
+    road's at (s, t)."""
     # Inside a curve a metre of s is a shorter way, so the lane's slope over s is steeper over the
     # way.
     center = section.lanes[lane_id].center
@@ -82,7 +85,8 @@ def lane_heading(road: Road, point: RoadPoint) -> float:
 def facing(
     placement: Placement, road: Road, point: RoadPoint, along: float | None = None
 ) -> Placement:
-    """The placement tied to a road point, with `direction` and `heading_offset` as its heading says.
+    """The placement tied to a road point, with `direction` and `heading_offset` as its heading
+    says.
 
     An entity across the road faces the direction of the lane's traffic.
 

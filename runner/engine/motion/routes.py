@@ -1,4 +1,5 @@
-"""Routes: waypoints joined through the road network, and the choice at junctions that follows from them."""
+"""Routes: waypoints joined through the road network, and the choice at junctions that follows from
+them."""
 
 from __future__ import annotations
 
@@ -126,7 +127,8 @@ def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
 
 
 class AssignedRoute:
-    """Following a route: at junctions its roads; off the route the shortest way to it, once through it the straightest.
+    """Following a route: at junctions its roads; off the route the shortest way to it, once through
+    it the straightest.
 
     A route can use a road more than once, so it is remembered which of its legs the entity is on.
 
@@ -140,10 +142,10 @@ class AssignedRoute:
             along a way (m); by default none is.
 
     Attributes:
-        released: whether an action has put the entity into a lane since: from then on it changes lanes
-            only where its own does not lead on.
-        reached: whether an action that waits for its end has seen it there, and says itself in which
-            lane.
+        released: whether an action has put the entity into a lane since: from then on it changes
+            lanes only where its own does not lead on.
+        reached: whether an action that waits for its end has seen it there, and says itself in
+            which lane.
     """
 
     def __init__(
@@ -160,7 +162,8 @@ class AssignedRoute:
         self._obstructed = obstructed
         self._cell: LaneCell | None = None
         self._known: tuple[str, bool, int, bool] | None = None
-        """road, direction, lane and release for which the present lane is known to be right up to the end of the cell"""
+        """road, direction, lane and release for which the present lane is known to be right up to
+        the end of the cell"""
         self._beyond: tuple[tuple[str, bool], float] | None = None
         """road and direction that the plan says nothing of, and the s from which on it does not"""
         self._leg = 0
@@ -225,7 +228,8 @@ class AssignedRoute:
             self._say(f"leaves its route and comes to road {road_id}")
 
     def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
-        """The lane to be in, and the way (m) that is left for a change; says where a waypoint was passed in another lane."""
+        """The lane to be in, and the way (m) that is left for a change; says where a waypoint was
+        passed in another lane."""
         road, s, lane, plan = entity.road, entity.s, entity.kept_lane, self.path.lanes
         if plan is None or road is None:
             return lane, math.inf
@@ -302,7 +306,8 @@ class AssignedRoute:
         return self.path.at(position or 0.0)[2]
 
     def _find(self, road_id: str, forward: bool) -> int | None:
-        """Index of the leg on a road, or in whose place the road is taken: the present one, the next one after it, or else one before."""
+        """Index of the leg on a road, or in whose place the road is taken: the present one, the
+        next one after it, or else one before."""
         legs, lanes = self.path.legs, self.path.lanes
         if lanes is not None and (road_id, forward) in lanes.parallel:
             return lanes.parallel[Way(road_id, forward)]

@@ -41,7 +41,8 @@ PARAMETERS = {
     "ad-rss": RssParameters(1.0, 2.0, 3.5, 4.0, 8.0, 0.2, 0.8, 0.1),
     "r157": RssParameters(0.75, 0.75, 3.0, 6.0, 6.0, 1.0, 1.0, 0.3),
 }
-"""Parameter sets by name: the defaults of the ad-rss library, and those of the performance models of UN Regulation 157."""
+"""Parameter sets by name: the defaults of the ad-rss library, and those of the performance models
+of UN Regulation 157."""
 
 
 def parameter_set(name: str) -> RssParameters:
@@ -60,7 +61,8 @@ def parameter_set(name: str) -> RssParameters:
 def longitudinal_distance(
     rear_speed: Any, front_speed: Any, p: RssParameters, response: float | None = None
 ) -> Any:
-    """Least safe longitudinal gap (m) of a rear participant behind a front one, m/s in the rear one's direction.
+    """Least safe longitudinal gap (m) of a rear participant behind a front one, m/s in the rear
+    one's direction.
 
     A front participant that comes towards the rear one (negative speed) needs its own stopping
     distance as well.
@@ -86,7 +88,8 @@ def longitudinal_distance(
 def lateral_distance(
     left_speed: Any, right_speed: Any, left_response: float, right_response: float, p: RssParameters
 ) -> Any:
-    """Least safe lateral gap (m) between a left and a right participant; lateral speeds (m/s) positive to the right."""
+    """Least safe lateral gap (m) between a left and a right participant; lateral speeds (m/s)
+    positive to the right."""
     left = left_speed + left_response * p.lateral_accelerate
     right = right_speed - right_response * p.lateral_accelerate
     # Definition 6: both accelerate towards each other during the response time, then brake to a

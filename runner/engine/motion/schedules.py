@@ -33,7 +33,8 @@ _FINE = 0.25
 
 
 class PathPiece(NamedTuple):
-    """From a time (s) and station (m) on: a speed (m/s) that changes by a constant acceleration (m/s²)."""
+    """From a time (s) and station (m) on: a speed (m/s) that changes by a constant acceleration
+    (m/s²)."""
 
     time: float
     station: float
@@ -42,7 +43,8 @@ class PathPiece(NamedTuple):
 
 
 class VertexMotion(NamedTuple):
-    """Prescribed motion at a vertex: speed (m/s) and acceleration (m/s²) along the path; None if absent."""
+    """Prescribed motion at a vertex: speed (m/s) and acceleration (m/s²) along the path; None if
+    absent."""
 
     speed: float | None = None
     acceleration: float | None = None
@@ -112,7 +114,8 @@ def smooth(
     start: float | None = None,
     rests: Collection[float] = (),
 ) -> Schedule:
-    """A schedule with continuous speed: a quadratic spline after L. L. Schumaker (SIAM J. Numer. Anal. 20, 1983).
+    """A schedule with continuous speed: a quadratic spline after L. L. Schumaker (SIAM J. Numer.
+    Anal. 20, 1983).
 
     One acceleration in each interval would not do: speeds v, v' at its ends would have to alternate
     about its mean speed c (v' = 2c - v), and no error would ever fade. So an interval has two,
@@ -138,7 +141,8 @@ def prescribed(
     motions: Sequence[VertexMotion],
     usual: Schedule,
 ) -> Schedule:
-    """A schedule by times that keeps the speeds and accelerations at vertices; other intervals are those of the usual one.
+    """A schedule by times that keeps the speeds and accelerations at vertices; other intervals are
+    those of the usual one.
 
     An interval with a prescribed speed at one end has a constant acceleration. With both speeds it
     has two accelerations, before and after its middle; where the time is too long for that, the
@@ -194,14 +198,16 @@ def _end_speed(pieces: Sequence[PathPiece], time: float) -> float:
 
 
 def _end_speeds(first: float | None, last: float | None, mean: float) -> tuple[float, float]:
-    """Speeds at the ends of an interval; an unknown one by a constant acceleration, or 0 where that would lead below."""
+    """Speeds at the ends of an interval; an unknown one by a constant acceleration, or 0 where that
+    would lead below."""
     if first is None:
         first = mean if last is None else max(2.0 * mean - last, 0.0)
     return first, max(2.0 * mean - first, 0.0) if last is None else last
 
 
 def _by_speeds(first: float, last: float, span: float, way: float) -> list[tuple[float, float]]:
-    """Durations (s) and accelerations (m/s²) from one speed (m/s) to another on a way (m) in a time (s)."""
+    """Durations (s) and accelerations (m/s²) from one speed (m/s) to another on a way (m) in a time
+    (s)."""
     # Two constant accelerations, each for half of the time, cover the way with this speed in the
     # middle.
     middle = 2.0 * way / span - 0.5 * (first + last)
@@ -221,7 +227,8 @@ def _by_speeds(first: float, last: float, span: float, way: float) -> list[tuple
 def _by_accelerations(
     first: float, last: float, begin: float | None, end: float | None, span: float, way: float
 ) -> list[tuple[float, float]]:
-    """Same as `_by_speeds`, with prescribed accelerations in the first and last quarter and two others between them."""
+    """Same as `_by_speeds`, with prescribed accelerations in the first and last quarter and two
+    others between them."""
     quarter = 0.25 * span
     fixed = [(0.0, quarter, begin)] if begin is not None else []
     fixed += [(span - quarter, quarter, end)] if end is not None else []
@@ -248,7 +255,8 @@ def _by_accelerations(
 
 
 def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: float) -> Schedule:
-    """A schedule without given times, by the speeds and accelerations at vertices; its first vertex is at time 0.
+    """A schedule without given times, by the speeds and accelerations at vertices; its first vertex
+    is at time 0.
 
     Between vertices half the square of the speed is a cubic of the way, with the accelerations as
     slopes: a constant acceleration where only speeds are given.
@@ -297,7 +305,8 @@ def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: flo
 
 
 def delayed(schedule: Schedule, length: float, station: float, speed: float) -> Schedule:
-    """A schedule that begins with a way of some length (m), at a speed (m/s), and goes on from a station (m) of the given one."""
+    """A schedule that begins with a way of some length (m), at a speed (m/s), and goes on from a
+    station (m) of the given one."""
     begin = schedule.time(station)
     index = max(bisect_right([piece.time for piece in schedule.pieces], begin) - 1, 0)
     joined = schedule.pieces[index]

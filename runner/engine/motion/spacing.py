@@ -50,7 +50,8 @@ _SHARPEST = 1e-3
 
 
 class Footprint(NamedTuple):
-    """Extent of a bounding box along and across a road, lane or trajectory, m from the reference point."""
+    """Extent of a bounding box along and across a road, lane or trajectory, m from the reference
+    point."""
 
     rear: float
     front: float
@@ -145,7 +146,8 @@ def _aside(a: Entity, b: Entity | Placement, freespace: bool) -> float:
 def _extents(
     roads: Roads, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str
 ) -> tuple[Footprint, Footprint] | None:
-    """Extents of both along and across a's trajectory, road or lane, in the direction of a; None where there is no way."""
+    """Extents of both along and across a's trajectory, road or lane, in the direction of a; None
+    where there is no way."""
     if system == "trajectory":
         return _on_trajectory(a, b, freespace)
     return _on_road(roads, a, b, system == "lane", freespace, routing)
@@ -222,7 +224,8 @@ def bearing(
 
 
 def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
-    """Distance along the route assigned to a, towards +s of its road; None where one of the two is not on a route."""
+    """Distance along the route assigned to a, towards +s of its road; None where one of the two is
+    not on a route."""
     route = a.controls.route
     if not isinstance(route, AssignedRoute):
         return None
@@ -242,7 +245,8 @@ def facing(a: Entity, road: Road, s: float) -> int:
 def footprint(
     road: Road, point: RoadPoint, h: float, box: BoundingBox, line: float = 0.0
 ) -> Footprint:
-    """Extent in road coordinates of a box whose reference point is at `point`, with heading h (rad).
+    """Extent in road coordinates of a box whose reference point is at `point`, with heading h
+    (rad).
 
     Lengths are those on the line at t = `line` (m), the reference line or the centre of a lane.
     The road is taken as an arc of its curvature there, which is exact on lines and arcs.
@@ -339,7 +343,8 @@ class PointRows(Protocol):
 
 
 def euclidean_batch(a: EntityRows, b: PointRows, freespace: bool) -> tuple[FloatArray, BoolArray]:
-    """`euclidean` in many runs (n,), and where it is known; gaps of boxes are worked out where they are near."""
+    """`euclidean` in many runs (n,), and where it is known; gaps of boxes are worked out where they
+    are near."""
     distance = np.sqrt((b.x - a.x) ** 2 + (b.y - a.y) ** 2 + (b.z - a.z) ** 2)
     return distance, np.full(len(distance), not freespace)
 
@@ -347,7 +352,8 @@ def euclidean_batch(a: EntityRows, b: PointRows, freespace: bool) -> tuple[Float
 def directed_batch(
     a: EntityRows, b: PointRows, ahead: bool, system: str, freespace: bool
 ) -> tuple[FloatArray, BoolArray]:
-    """`longitudinal` (ahead) or `lateral` in many runs (n,), and where it is known: on one straight road, or in entity axes."""
+    """`longitudinal` (ahead) or `lateral` in many runs (n,), and where it is known: on one straight
+    road, or in entity axes."""
     if system == "entity":
         return _in_axes_batch(a, b, ahead, freespace)
     if not isinstance(b, EntityRows) or system == "trajectory":
@@ -387,7 +393,8 @@ def _in_axes_batch(
     return found, np.full(len(found), not freespace)
 
 
-# closing speeds: how fast distances shrink with the present velocities, positions standing still (m/s) -------------
+# closing speeds: how fast distances shrink with the present velocities, positions standing still
+# (m/s) -------------
 
 
 def velocity(b: Entity | Placement) -> tuple[float, float]:
@@ -396,7 +403,8 @@ def velocity(b: Entity | Placement) -> tuple[float, float]:
 
 
 def closing_euclidean(a: Entity, b: Entity | Placement, freespace: bool) -> float:
-    """Closing speed of the straight distance, along the line between reference points or nearest points of the boxes."""
+    """Closing speed of the straight distance, along the line between reference points or nearest
+    points of the boxes."""
     (vx, vy), (wx, wy) = velocity(a), velocity(b)
     # By a finite difference: which points of the boxes are nearest changes from pose to pose.
     if freespace:
@@ -490,7 +498,8 @@ def _turned(v: tuple[float, float], h: float) -> tuple[float, float]:
 def _speeds_on_road(
     v: tuple[float, float], road: Road, point: RoadPoint, line: float
 ) -> tuple[float, float]:
-    """Return the speeds of a road point with a given velocity along the line at t = `line` and across it (m/s)."""
+    """Return the speeds of a road point with a given velocity along the line at t = `line` and
+    across it (m/s)."""
     along, across = _turned(v, road.heading(point.s))
     curvature = road.curvature(point.s)
     # The same turn about the arc's centre is a longer way further outside.

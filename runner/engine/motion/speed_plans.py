@@ -1,4 +1,5 @@
-"""Plans of a speed over time within limits of acceleration and jerk: `follow` of speed actions and profiles.
+"""Plans of a speed over time within limits of acceleration and jerk: `follow` of speed actions and
+profiles.
 
 A change of speed is an S-curve: the acceleration moves to a plateau at the greatest jerk, holds it,
 and moves on to its value at the end. It takes the time that was asked for, and more only where the
@@ -24,14 +25,16 @@ _ROUNDING = 1e-9
 
 
 class ProfileEntry(NamedTuple):
-    """A speed (m/s) to be reached `time` (s) after the entry before; None: as soon as the limits allow."""
+    """A speed (m/s) to be reached `time` (s) after the entry before; None: as soon as the limits
+    allow."""
 
     time: float | None
     speed: float
 
 
 class ProfilePiece(NamedTuple):
-    """A stretch of constant jerk: from `time` (s) on, speed (m/s), acceleration (m/s²), jerk (m/s³)."""
+    """A stretch of constant jerk: from `time` (s) on, speed (m/s), acceleration (m/s²), jerk
+    (m/s³)."""
 
     time: float
     speed: float
@@ -45,7 +48,8 @@ class ProfilePiece(NamedTuple):
 
 
 class _Segment(NamedTuple):
-    """A way from one speed to another (m/s) in a time (s) at most as fast as an acceleration (m/s²)."""
+    """A way from one speed to another (m/s) in a time (s) at most as fast as an acceleration
+    (m/s²)."""
 
     start: float
     reached: float
@@ -60,14 +64,16 @@ class _Segment(NamedTuple):
 
 
 class _Rates(NamedTuple):
-    """Time (s) that a rise, and a fall, of the acceleration by 1 m/s² takes; 0 without a jerk limit."""
+    """Time (s) that a rise, and a fall, of the acceleration by 1 m/s² takes; 0 without a jerk
+    limit."""
 
     up: float
     down: float
 
 
 class _Curve(NamedTuple):
-    """An S-curve: accelerations at its ends and between them (m/s²), durations of its three parts (s)."""
+    """An S-curve: accelerations at its ends and between them (m/s²), durations of its three parts
+    (s)."""
 
     first: float
     plateau: float
@@ -207,7 +213,8 @@ def plateau(
     up: FloatArray | float,
     down: FloatArray | float,
 ) -> FloatArray:
-    """Accelerations (m/s²) between the ends of changes of speed (m/s) in times (s), arguments as in `shortest`."""
+    """Accelerations (m/s²) between the ends of changes of speed (m/s) in times (s), arguments as in
+    `shortest`."""
     # The smaller root of both·a² - duration·a + size = 0, in the form that does not cancel.
     size, both = np.abs(change), 0.5 * (np.asarray(up, float) + down)
     root = np.sqrt(np.maximum(np.square(duration) - 4.0 * both * size, 0.0))
@@ -230,7 +237,8 @@ def _exact(segments: list[_Segment], rates: _Rates) -> list[_Curve] | None:
 
 
 def _through(before: _Segment, after: _Segment) -> float:
-    """Acceleration at a target: none at an extreme of the speed, else that of the gentler way beside it."""
+    """Acceleration at a target: none at an extreme of the speed, else that of the gentler way
+    beside it."""
     if not (before.timed and after.timed) or before.slope * after.slope <= 0.0:
         return 0.0
     return min(before.slope, after.slope, key=abs)
@@ -249,7 +257,8 @@ def _curve(segment: _Segment, first: float, last: float, rates: _Rates) -> _Curv
     # What the curve gains with its plateau at either end value: below, between and above decides
     # the signs of the jerks.
     middle = _gained(low, first, last, duration, rates), _gained(high, first, last, duration, rates)
-    # the inverse jerks with which the acceleration comes to the plateau and leaves it, signed by the direction
+    # the inverse jerks with which the acceleration comes to the plateau and leaves it, signed by
+    # the direction
     come = rates.up if change > middle[first == high] else -rates.down
     leave = rates.down if change > middle[last == high] else -rates.up
     square, linear = -0.5 * (come + leave), duration + come * first + leave * last
@@ -275,7 +284,8 @@ def _gained(top: float, first: float, last: float, duration: float, rates: _Rate
 
 
 def _unhurried(segment: _Segment, rates: _Rates) -> _Curve:
-    """The curve without acceleration at its ends in the time asked for, or in the least time that it needs."""
+    """The curve without acceleration at its ends in the time asked for, or in the least time that
+    it needs."""
     change = segment.reached - segment.start
     up, down = rates if change > 0.0 else (rates.down, rates.up)
     duration = max(segment.duration, float(shortest(change, segment.limit, up, down)))
@@ -308,7 +318,8 @@ def _pieces(time: float, segment: _Segment, curve: _Curve) -> list[ProfilePiece]
 
 
 def _rounded(segments: list[_Segment], rates: _Rates) -> list[ProfilePiece] | None:
-    """The straight profile with each corner replaced by a stretch of constant jerk, centred on the corner.
+    """The straight profile with each corner replaced by a stretch of constant jerk, centred on the
+    corner.
 
     The first one can't begin before the profile does, so the first line comes half of it late; it
     is left where it meets the second line, or shifts all that follows where it does not. None where

@@ -15,13 +15,16 @@ if TYPE_CHECKING:
     from runner.engine.motion.paths import Corner
 
 REACH = 0.2
-"""Distance (m) within which a track that turns about is noise, not a motion: several times the errors of recordings"""
+"""Distance (m) within which a track that turns about is noise, not a motion: several times the
+errors of recordings"""
 _TURNED = math.radians(30.0)
-"""Angle to the way through a place from which a line there is noise: no vehicle turns so far within `REACH`"""
+"""Angle to the way through a place from which a line there is noise: no vehicle turns so far within
+`REACH`"""
 
 
 def steadied(corners: Sequence[Corner]) -> list[Corner] | None:
-    """Corners of a polyline without headings, with a heading wherever the track stands; None if it stands throughout.
+    """Corners of a polyline without headings, with a heading wherever the track stands; None if it
+    stands throughout.
 
     A stretch stands where it stays within `REACH` of its first corner and a line in it turns away
     from the way through. It has the heading of the way by which it was reached, at the beginning
@@ -54,7 +57,8 @@ def steadied(corners: Sequence[Corner]) -> list[Corner] | None:
 
 
 def _stretches(corners: Sequence[Corner]) -> Iterator[tuple[int, int]]:
-    """First and last corner of each stretch of two or more that stays within `REACH` of its first corner."""
+    """First and last corner of each stretch of two or more that stays within `REACH` of its first
+    corner."""
     first = 0
     for index in range(1, len(corners) + 1):
         if index == len(corners) or _apart(corners[first], corners[index]):

@@ -1,4 +1,5 @@
-"""Trajectories of the standard: their shapes read from XML and turned into paths with, where given, the time at each place.
+"""Trajectories of the standard: their shapes read from XML and turned into paths with, where given,
+the time at each place.
 
 Shapes whose positions never change are turned into paths when the scenario is compiled; the others
 when they are needed. OpenSCENARIO XML 1.3, 6.9: a shape gives the heading as well where its
@@ -39,13 +40,15 @@ _JUMP = 1e-6
 _FASTEST = 1e4
 """Speed (m/s) beyond which times are taken for a mistake."""
 _LATEST = 1e9
-"""Time (s) beyond which, or before whose negative, times are taken for a mistake. Those of a clock are counted from its first."""
+"""Time (s) beyond which, or before whose negative, times are taken for a mistake. Those of a clock
+are counted from its first."""
 _LONGEST = 1e7
 """Length (m) beyond which a trajectory is taken for a mistake."""
 
 
 class Rests(Enum):
-    """Stretches of a track that lead nowhere, and on which a follower keeps its heading (`runner.engine.motion.standstill`)."""
+    """Stretches of a track that lead nowhere, and on which a follower keeps its heading
+    (`runner.engine.motion.standstill`)."""
 
     NONE = "none"
     SOME = "some"
@@ -53,7 +56,8 @@ class Rests(Enum):
 
 
 class TimedPath(NamedTuple):
-    """A trajectory in the world: its path, and the times (s) that it gives at some s (m) along the path.
+    """A trajectory in the world: its path, and the times (s) that it gives at some s (m) along the
+    path.
 
     grounded: whether its height is that of the road. motions: what is prescribed at each of these
     s. rests: where it stands.
@@ -68,7 +72,8 @@ class TimedPath(NamedTuple):
 
 
 class Timetable(NamedTuple):
-    """The times (s, scaled) at which a follower is to be at stations (m) of a track; neither decreases."""
+    """The times (s, scaled) at which a follower is to be at stations (m) of a track; neither
+    decreases."""
 
     times: Sequence[float]
     stations: Sequence[float]
@@ -94,10 +99,12 @@ class TrajectoryShape(ABC):
         self.fixed = all(position.fixed is not None for position in positions)
         self.grounded = all(position.grounded for position in positions)
         self.faces = False
-        """Whether positions say how one faces along the track; the first one of clothoids says where the track leads."""
+        """Whether positions say how one faces along the track; the first one of clothoids says
+        where the track leads."""
 
     def untimed_motions(self) -> list[Node]:
-        """Motion elements at places without a time: a Timing leaves them out, unless the shape has no times at all."""
+        """Motion elements at places without a time: a Timing leaves them out, unless the shape has
+        no times at all."""
         return [
             node
             for node, time in zip(self._motions, self.times, strict=True)
@@ -179,7 +186,8 @@ class PolylineShape(TrajectoryShape):
 
 
 def _apart(one: Position, other: Position) -> bool:
-    """Whether two positions are known to be so far from each other that no time is needed for a jump."""
+    """Whether two positions are known to be so far from each other that no time is needed for a
+    jump."""
     a, b = one.fixed, other.fixed
     return a is not None and b is not None and math.dist((a.x, a.y, a.z), (b.x, b.y, b.z)) > _JUMP
 
@@ -191,7 +199,8 @@ def _corner(position: Position, place: Placement) -> Corner:
 
 
 class _Bend(NamedTuple):
-    """A piece of a clothoid: curvature (1/m) at both ends, length (m), and a turn (rad) before it begins."""
+    """A piece of a clothoid: curvature (1/m) at both ends, length (m), and a turn (rad) before it
+    begins."""
 
     start: float
     end: float
@@ -256,7 +265,8 @@ def _bent_at(node: Node, place: Placement, bends: tuple[_Bend, ...]) -> Segments
 
 
 class ClothoidSplineShape(TrajectoryShape):
-    """Clothoids one after the other; a segment with a start position begins there, the others where the last one ended.
+    """Clothoids one after the other; a segment with a start position begins there, the others where
+    the last one ended.
 
     Without a start position the first segment begins where the entity is that follows it.
     """

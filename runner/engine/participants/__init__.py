@@ -1,1 +1,2 @@
-"""Participants: what a scenario declares about them, the state they are in, their boxes and trailers."""
+"""Participants: what a scenario declares about them, the state they are in, their boxes and
+trailers."""

@@ -22,7 +22,8 @@ _TOUCHING = 1e-9
 
 
 class Boxed(Protocol):
-    """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about them: an entity."""
+    """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about
+    them: an entity."""
 
     @property
     def x(self) -> float: ...
@@ -65,7 +66,8 @@ class MovedRows(BoxedRows, Protocol):
 
 
 class Spot(NamedTuple):
-    """A position as a box without extent, so that distances to positions and to entities are one thing."""
+    """A position as a box without extent, so that distances to positions and to entities are one
+    thing."""
 
     x: float
     y: float
@@ -75,7 +77,8 @@ class Spot(NamedTuple):
 
 
 class Outlook(NamedTuple):
-    """Another box as seen from the centre of the own box: its centre (m) and the cosine and sine of its relative heading."""
+    """Another box as seen from the centre of the own box: its centre (m) and the cosine and sine of
+    its relative heading."""
 
     x: float
     y: float
@@ -84,7 +87,8 @@ class Outlook(NamedTuple):
 
 
 def outlook(a: Boxed, b: Boxed) -> Outlook:
-    """Return the relation of b to a: axes along and to the left of a, origin in the centre of a's box."""
+    """Return the relation of b to a: axes along and to the left of a, origin in the centre of a's
+    box."""
     ca, sa, cb, sb = math.cos(a.h), math.sin(a.h), math.cos(b.h), math.sin(b.h)
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
     dy = b.y - a.y + sb * b.box.x + cb * b.box.y
@@ -108,7 +112,8 @@ def vertical_gap(a: Boxed, b: Boxed) -> float:
 
 
 def overlap(a: Boxed, b: Boxed) -> bool:
-    """Whether two boxes overlap or touch, by the separating-axis theorem in the plane and their vertical spans."""
+    """Whether two boxes overlap or touch, by the separating-axis theorem in the plane and their
+    vertical spans."""
     return vertical_gap(a, b) == 0.0 and not _separated(outlook(a, b), a.box, b.box)
 
 
@@ -127,7 +132,8 @@ def overlap_batch(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
 
 
 def may_have_touched(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> BoolArray:
-    """Whether two participants that are apart may have touched within the last step, dt (s), in some of many runs (k,).
+    """Whether two participants that are apart may have touched within the last step, dt (s), in
+    some of many runs (k,).
 
     They are nearer to each other, on an axis of one of them, than their way towards each other.
     """
@@ -153,7 +159,8 @@ def _outlooks(a: BoxedRows, b: BoxedRows, rows: IntArray) -> tuple[FloatArray, .
 
 
 def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:
-    """Whether one of the four axes of two rectangles separates them; touching rectangles are not separated."""
+    """Whether one of the four axes of two rectangles separates them; touching rectangles are not
+    separated."""
     x, y, c, s = seen
     al, aw, bl, bw = a.length / 2 + _TOUCHING, a.width / 2 + _TOUCHING, b.length / 2, b.width / 2
     cos, sin = abs(c), abs(s)
@@ -166,7 +173,8 @@ def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:
 
 
 def entry(seen: Outlook, a: BoundingBox, b: BoundingBox, vx: float, vy: float) -> float:
-    """Return the time (s) after which box b, moving relative to a at (vx, vy) m/s in a's axes, first touches it.
+    """Return the time (s) after which box b, moving relative to a at (vx, vy) m/s in a's axes,
+    first touches it.
 
     Both keep their headings. 0 where they touch now, infinite where they never do. On each of the
     four axes of the separating-axis theorem the shadows overlap during one interval; the boxes
@@ -194,7 +202,8 @@ def entry(seen: Outlook, a: BoundingBox, b: BoundingBox, vx: float, vy: float) -
 
 
 class Moved(Boxed, Protocol):
-    """Something boxed with its pitch (rad, downwards positive), its velocity over ground (m/s) and its turn (rad) in the last step."""
+    """Something boxed with its pitch (rad, downwards positive), its velocity over ground (m/s) and
+    its turn (rad) in the last step."""
 
     @property
     def pitch(self) -> float: ...
@@ -211,7 +220,8 @@ _STRAIGHT = 0.06
 
 
 def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
-    """Return the share (0 to 1) of the last step, dt (s), after which two boxes first touched; None if they did not.
+    """Return the share (0 to 1) of the last step, dt (s), after which two boxes first touched; None
+    if they did not.
 
     Reference points move along arcs, which end at the present poses, by the turns of the step. It
     has equal parts in which both move straight on.
@@ -235,7 +245,8 @@ def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
 
 
 def first_touch_batch(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> FloatArray:
-    """`first_touch` in some of many runs (k,): infinite for none; NaN where a participant turns much, which takes parts."""
+    """`first_touch` in some of many runs (k,): infinite for none; NaN where a participant turns
+    much, which takes parts."""
     (x, y, z, h, dx, dy, rise, turn), (bx, by, bz, bh, bdx, bdy, brise, bturn) = (
         _step(each, dt, rows) for each in (a, b)
     )
@@ -260,7 +271,8 @@ def first_touch_batch(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> 
 
 
 def _step(moved: MovedRows, dt: float, rows: IntArray) -> tuple[FloatArray, ...]:
-    """Poses x, y, z, h at the end of the last step, and its way dx, dy, rise (m) and turn (rad), in some runs (k,)."""
+    """Poses x, y, z, h at the end of the last step, and its way dx, dy, rise (m) and turn (rad), in
+    some runs (k,)."""
     x, y, z, h, vx, vy, turn = (
         getattr(moved, name)[rows] for name in ("x", "y", "z", "h", "vx", "vy", "turn")
     )
@@ -277,7 +289,8 @@ def _entry_batch(
     b: BoundingBox,
     velocity: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """`entry` in many cases (k,): centres of b seen from a, cosines and sines of headings, velocities."""
+    """`entry` in many cases (k,): centres of b seen from a, cosines and sines of headings,
+    velocities."""
     (x, y), (c, s), (vx, vy) = place, heading, velocity
     al, aw, bl, bw = a.length / 2 + _TOUCHING, a.width / 2 + _TOUCHING, b.length / 2, b.width / 2
     cos, sin = np.abs(c), np.abs(s)
@@ -329,7 +342,8 @@ def gap(a: Boxed, b: Boxed) -> float:
 
 
 def plane_gap(a: Boxed, b: Boxed) -> float:
-    """Shortest distance between the outlines of two boxes as seen from above, m; 0 where they overlap or touch."""
+    """Shortest distance between the outlines of two boxes as seen from above, m; 0 where they
+    overlap or touch."""
     seen = outlook(a, b)
     return _outline_gap(seen, a.box, b.box) if _separated(seen, a.box, b.box) else 0.0
 
@@ -343,7 +357,8 @@ def _outline_gap(seen: Outlook, a: BoundingBox, b: BoundingBox) -> float:
 def _corner_gap(
     x: float, y: float, c: float, s: float, other: BoundingBox, box: BoundingBox
 ) -> float:
-    """Squared distance of the nearest corner of `other` (centre and relative heading given) from `box`'s rectangle."""
+    """Squared distance of the nearest corner of `other` (centre and relative heading given) from
+    `box`'s rectangle."""
     length, width = other.length / 2, other.width / 2
     half_length, half_width = box.length / 2, box.width / 2
     ahead_x, ahead_y, aside_x, aside_y = c * length, s * length, -s * width, c * width
@@ -372,14 +387,16 @@ def spans(seen: Outlook, box: BoundingBox) -> tuple[float, float, float, float]:
 
 
 def interval_gap(low_a: float, high_a: float, low_b: float, high_b: float) -> float:
-    """Signed gap from interval a to interval b: positive where b lies above, negative where below, 0 where they overlap."""
+    """Signed gap from interval a to interval b: positive where b lies above, negative where below,
+    0 where they overlap."""
     if low_b > high_a:
         return low_b - high_a
     return high_b - low_a if high_b < low_a else 0.0
 
 
 def box_corners(x: float, y: float, h: float, box: BoundingBox) -> tuple[tuple[float, float], ...]:
-    """World corners of a box whose reference point is at x, y (m) with heading h (rad), counter-clockwise from front left."""
+    """World corners of a box whose reference point is at x, y (m) with heading h (rad),
+    counter-clockwise from front left."""
     c, s = math.cos(h), math.sin(h)
     front, rear = box.x + box.length / 2, box.x - box.length / 2
     left, right = box.y + box.width / 2, box.y - box.width / 2

@@ -23,7 +23,8 @@ _ROUNDING = 1e-6
 
 
 class BoundingBox(NamedTuple):
-    """Box of an entity in its own frame: x forward, y left, z up from the reference point (rear axle on the ground), m."""
+    """Box of an entity in its own frame: x forward, y left, z up from the reference point (rear
+    axle on the ground), m."""
 
     x: float
     y: float
@@ -116,7 +117,8 @@ class EntityState:
     placed: bool = False
     """whether it has a position"""
     entered: float | None = None
-    """time (s) at which an action has brought it into the world; None where it is there from the start"""
+    """time (s) at which an action has brought it into the world; None where it is there from the
+    start"""
 
     x: float = 0.0
     y: float = 0.0
@@ -131,7 +133,8 @@ class EntityState:
     ax: float = 0.0
     ay: float = 0.0
     turn: float = 0.0
-    """velocity (m/s) and acceleration (m/s²) over ground in the world frame, and change of heading (rad), in the last step"""
+    """velocity (m/s) and acceleration (m/s²) over ground in the world frame, and change of heading
+    (rad), in the last step"""
     odometer: float = 0.0
     """distance travelled, m"""
     standstill: float = 0.0
@@ -169,15 +172,17 @@ class EntityState:
     animations: dict[str, str] = field(default_factory=dict)
 
     def begin_at(self, speed: float) -> None:
-        """Have a speed (m/s) without an acceleration that led to it: nothing is known of the time before."""
+        """Have a speed (m/s) without an acceleration that led to it: nothing is known of the time
+        before."""
         self.speed, self.acceleration = speed, 0.0
         self.vx, self.vy = speed * math.cos(self.h), speed * math.sin(self.h)
 
     def lane_below(self) -> tuple[int, float]:
-        """Lane under the reference point and the offset (m, towards +t) from its centre; only while `on_lane`.
+        """Lane under the reference point and the offset (m, towards +t) from its centre; only while
+        `on_lane`.
 
-        On the border of two lanes, the kept one is meant, and on the centre of the kept one, however
-        narrow, too.
+        On the border of two lanes, the kept one is meant, and on the centre of the kept one,
+        however narrow, too.
         """
         if not self.kept_offset:
             return self.kept_lane, self.kept_offset

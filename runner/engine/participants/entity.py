@@ -1,4 +1,5 @@
-"""Entities in a run: declaration, state, the owner of each control domain, and bounds on their displacements."""
+"""Entities in a run: declaration, state, the owner of each control domain, and bounds on their
+displacements."""
 
 from __future__ import annotations
 
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
 LATERAL = "lateral"
 """Control domain of motion to the side; `runner.engine.compile.element` has the others"""
 LONGEST = 1000.0
-"""Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches further."""
+"""Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches
+further."""
 FEW = 4
-"""Participants up to which each pair is looked at in each step: a bound on their displacements costs more than it spares"""
+"""Participants up to which each pair is looked at in each step: a bound on their displacements
+costs more than it spares"""
 JUMP = 10.0
-"""Distance (m) beyond that of its speed that an entity may be put aside within a step (a lane change at once)"""
+"""Distance (m) beyond that of its speed that an entity may be put aside within a step (a lane
+change at once)"""
 _ROUNDING = 1e-6
 
 
@@ -48,7 +52,8 @@ class Motion(Protocol):
         ...
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
-        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there.
+        """Distance (m) along the entity's own path to a place, negative once passed; None where
+        none leads there.
 
         In reverse gear what lies behind is what is still to be reached.
         """
@@ -59,8 +64,8 @@ class Guide(Protocol):
     """Guide of an entity at junctions, and to the lanes that lead there.
 
     Attributes:
-        released: whether an action has put the entity into a lane: lanes that are only wished for no
-            longer count.
+        released: whether an action has put the entity into a lane: lanes that are only wished for
+            no longer count.
     """
 
     released: bool
@@ -76,7 +81,8 @@ class Guide(Protocol):
         ...
 
     def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
-        """The lane for an entity on the road to keep to, its own or one to change to, and the way (m) left for the change."""
+        """The lane for an entity on the road to keep to, its own or one to change to, and the way
+        (m) left for the change."""
         ...
 
     def waits(self, entity: Entity, lane: int, way: float) -> bool:
@@ -84,7 +90,8 @@ class Guide(Protocol):
         ...
 
     def settled(self, entity: Entity, forward: bool) -> float:
-        """The s (m) up to which `lane` keeps an entity's lane as it is; the entity's own where that is not known."""
+        """The s (m) up to which `lane` keeps an entity's lane as it is; the entity's own where that
+        is not known."""
         ...
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
@@ -96,7 +103,8 @@ class Guide(Protocol):
         ...
 
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
-        """Distance (m, in s) along the route from one point to another, negative backwards; None where it says nothing."""
+        """Distance (m, in s) along the route from one point to another, negative backwards; None
+        where it says nothing."""
         ...
 
 
@@ -171,7 +179,8 @@ class Controls:
     easing: Easing | None = None
     """its way back into the lane, from beside it"""
     path_compensated: bool = True
-    """whether lateral motion is taken out of the distance travelled (lane change) or added to it (lane offset)"""
+    """whether lateral motion is taken out of the distance travelled (lane change) or added to it
+    (lane offset)"""
     controllers: dict[str, Mapping[str, str]] = field(default_factory=dict)
     """the controllers assigned: name → properties"""
     activated: bool = False
@@ -233,7 +242,8 @@ class Entities(dict[str, Entity]):
         tractor.controls.trailer, trailer.controls.tractor = trailer, tractor
 
     def reset(self) -> None:
-        """Reset all entities, put trailers on their hitches, and remove entities that were added in the run."""
+        """Reset all entities, put trailers on their hitches, and remove entities that were added in
+        the run."""
         for name in [name for name, entity in self.items() if entity.spawned]:
             del self[name]
         for entity in self.values():
@@ -300,12 +310,14 @@ class Displacement:
         self._present, self._places = present, places
 
     def after(self, way: float) -> float:
-        """Total at which an entity may have covered a distance (m); the present one if that is not positive."""
+        """Total at which an entity may have covered a distance (m); the present one if that is not
+        positive."""
         return self.total + min(max(way - _ROUNDING, 0.0), LONGEST)
 
 
 class Separation:
-    """Two participants, with their gap in the plane when it was last measured, and how they stood to each other then.
+    """Two participants, with their gap in the plane when it was last measured, and how they stood
+    to each other then.
 
     Since then no point of one box has come nearer to one of the other than both reference points
     have moved relative to each other, and the boxes have turned about them.

@@ -1,4 +1,5 @@
-"""Plane geometry of bounding boxes in arrays, row by row: `runner.engine.participants.boxes` for many cases.
+"""Plane geometry of bounding boxes in arrays, row by row: `runner.engine.participants.boxes` for
+many cases.
 
 Arrays are of any shapes that broadcast; sizes of boxes are numbers or arrays.
 """
@@ -62,7 +63,8 @@ class OutlinesAt(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
+    """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own
+    one."""
 
     x: FloatArray
     y: FloatArray
@@ -140,5 +142,6 @@ def extents(seen: Sight, box: BoundingBox) -> tuple[FloatArray, FloatArray, Floa
 def interval_gaps(
     low_a: FloatArray | float, high_a: FloatArray | float, low_b: FloatArray, high_b: FloatArray
 ) -> FloatArray:
-    """Signed gaps from intervals a to intervals b: positive where b lies above, negative where below, 0 where they overlap."""
+    """Signed gaps from intervals a to intervals b: positive where b lies above, negative where
+    below, 0 where they overlap."""
     return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)

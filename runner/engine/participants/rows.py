@@ -1,4 +1,5 @@
-"""State of an entity in many runs at once: the arrays of `EntityState`, and single runs of them as entities."""
+"""State of an entity in many runs at once: the arrays of `EntityState`, and single runs of them as
+entities."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ class LastLoaded:
 
 
 class EntityRows(RunRows):
-    """An entity in n runs: arrays (n,) with the names, units and frames of `EntityState` and `Controls`.
+    """An entity in n runs: arrays (n,) with the names, units and frames of `EntityState` and
+    `Controls`.
 
     A run in which something rare happens to it is a step of the interpreter: `load` makes the
     entity what it is there, `store` takes it back.
@@ -207,7 +209,8 @@ class EntityRows(RunRows):
                 values[rows] = values[row]
 
     def on_stretch(self, s: FloatArray, aside: FloatArray) -> tuple[FloatArray, ...]:
-        """x, y (m) and the heading of the road (rad) at s and t on the line or arc of each run (n,)."""
+        """x, y (m) and the heading of the road (rad) at s and t on the line or arc of each run
+        (n,)."""
         along, cos, sin = s - self.start_s, self.start_cos, self.start_sin
         x = self.start_x + along * cos - aside * sin
         y = self.start_y + along * sin + aside * cos
@@ -250,7 +253,8 @@ class EntityRows(RunRows):
         return held
 
     def alike(self, row: int, rows: BoolArray) -> BoolArray:
-        """Runs in which the entity glides in the same lane and direction as in one of them, within the lane."""
+        """Runs in which the entity glides in the same lane and direction as in one of them, within
+        the lane."""
         found: BoolArray = rows & self.gliding & (self.section_key == self.section_key[row])
         found &= (self.kept_lane == self.kept_lane[row]) & (self.direction == self.direction[row])
         found &= self.layer_number == self.layer_number[row]
@@ -263,7 +267,8 @@ class EntityRows(RunRows):
         return ~(self.guided | self.eased)
 
     def change_lane(self, row: int, rows: BoolArray) -> None:
-        """Express the place in some runs, that were `alike`, in the lane that one of them keeps to now."""
+        """Express the place in some runs, that were `alike`, in the lane that one of them keeps to
+        now."""
         if (self.kept_lane[rows] == self.kept_lane[row]).all():
             return
         for name in ("kept_lane", "center", "width"):

@@ -1,4 +1,5 @@
-"""Motion of trailers: the coupler stays on the tractor's hitch, the axle rolls along the trailer's heading.
+"""Motion of trailers: the coupler stays on the tractor's hitch, the axle rolls along the trailer's
+heading.
 
 The axle's path is the tractrix of the hitch's. Where the hitch moves straight by d, the angle α
 between its direction and the trailer's heading goes by tan(α/2) ~ exp(−d / L), L the length from

@@ -36,13 +36,15 @@ if TYPE_CHECKING:
 LAYERS = (PERMANENT, TEMPORARY)
 """Layers of lanes, as the attribute `layer` names them."""
 _MISPLACED = 10.0
-"""Distance (m) beyond the end of a road above which a position there is another scene: two vehicles' lengths."""
+"""Distance (m) beyond the end of a road above which a position there is another scene: two
+vehicles' lengths."""
 _TOLERANCE = 1e-3
 """Tolerance (m) of s beyond the end of its road: files are rounded."""
 
 
 def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
-    """A placement that faces the direction of the lane's traffic, unless the orientation says otherwise."""
+    """A placement that faces the direction of the lane's traffic, unless the orientation says
+    otherwise."""
     road = network.road_of(point)
     h = lane_heading(road, point)
     if point.lane_id and road.direction(point.lane_id, point.s) < 0:
@@ -56,7 +58,8 @@ def read_lane_id(node: Node) -> int:
 
 
 def misplaced(beyond: float) -> str:
-    """Cause of an inconclusive run where a position is so far (m) beyond the end that takes its place; empty for a little."""
+    """Cause of an inconclusive run where a position is so far (m) beyond the end that takes its
+    place; empty for a little."""
     return "misplaced" if beyond > _MISPLACED else ""
 
 
@@ -170,7 +173,8 @@ class _RelativeRoadPosition(Position):
         return (self.entity,)
 
     def left(self, origin: RoadPoint) -> int:
-        """The side, as a sign of t at the origin, to which lateral values count: +t, or in files for CARLA the entity's right."""
+        """The side, as a sign of t at the origin, to which lateral values count: +t, or in files
+        for CARLA the entity's right."""
         return -self.facing(origin) if self.to_right else 1
 
     def facing(self, origin: RoadPoint) -> int:
@@ -189,14 +193,16 @@ class _RelativeRoadPosition(Position):
         return point
 
     def repair(self, run: Surroundings | None, rule: str, text: str, cause: str = "") -> None:
-        """Go on with what is meant although this position breaks a rule, with a remark; refused where loading is strict."""
+        """Go on with what is meant although this position breaks a rule, with a remark; refused
+        where loading is strict."""
         assert run is not None
         run.remarks.add(self.node.remark(rule, text, cause))
 
     def along(
         self, run: Surroundings | None, origin: RoadPoint, ds: float
     ) -> tuple[RoadPoint, bool]:
-        """The point on the same lane ds further in s, or at the end of the road, and whether +s is the same direction there."""
+        """The point on the same lane ds further in s, or at the end of the road, and whether +s is
+        the same direction there."""
         route = self.entity.controls.route
         choose = route.choose if route is not None else self.network.straightest
         point, aligned, left = travel_s(self.network, origin, ds, choose)
@@ -238,7 +244,8 @@ class RelativeRoadPosition(_RelativeRoadPosition):
 
 @registry.position("RelativeLanePosition")
 class RelativeLanePosition(_RelativeRoadPosition):
-    """dLane lanes towards +t from an entity's lane (the centre lane not counted), and ds in s or dsLane along its lane.
+    """dLane lanes towards +t from an entity's lane (the centre lane not counted), and ds in s or
+    dsLane along its lane.
 
     ds counts towards +s, dsLane in the direction that the entity faces. Without an Orientation, a
     position by ds faces as the entity does, one by dsLane as the lane's traffic.
@@ -308,7 +315,8 @@ class RelativeLanePosition(_RelativeRoadPosition):
         return np.where(within, s, np.nan)
 
     def _lane(self, run: Surroundings | None, reached: RoadPoint, steps: int) -> tuple[int, float]:
-        """The lane so many steps towards +t, and how far (m) towards +t of it the place is that is meant.
+        """The lane so many steps towards +t, and how far (m) towards +t of it the place is that is
+        meant.
 
         One step beyond the outermost lane is beside the road, as far from that lane as another of
         its width would be.
@@ -343,7 +351,8 @@ class RelativeLanePosition(_RelativeRoadPosition):
 def travel_s(
     network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose
 ) -> tuple[RoadPoint, bool, float]:
-    """Go ds (m) along the reference lines, following the lane over road borders, and round as often as it takes.
+    """Go ds (m) along the reference lines, following the lane over road borders, and round as often
+    as it takes.
 
     Returns the centre of the lane there, whether +s is the direction it was at the origin, and the
     distance (m) that is left where the road ends before.

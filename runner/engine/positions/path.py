@@ -31,7 +31,8 @@ _TOLERANCE = 1e-3
 
 @registry.position("RoutePosition")
 class RoutePosition(Position):
-    """A distance along a route, with a t or a lane of the road there; or where an entity is on the route.
+    """A distance along a route, with a t or a lane of the road there; or where an entity is on the
+    route.
 
     pathS counts in s from the first waypoint. t, laneId and laneOffset are those of the route's
     first road, whose reference line is thought to go on along the route: on roads that run the

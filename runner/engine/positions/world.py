@@ -1,4 +1,5 @@
-"""Orientations, and positions in the world frame, relative to an entity's pose, and geographic ones.
+"""Orientations, and positions in the world frame, relative to an entity's pose, and geographic
+ones.
 
 Geographic positions are projected as the road network says (`geoReference`).
 
@@ -110,7 +111,8 @@ class WorldPosition(FixedPosition):
 
 
 class _RelativePosition(Position):
-    """Base of the positions relative to an entity's pose; their orientation is relative to the entity's."""
+    """Base of the positions relative to an entity's pose; their orientation is relative to the
+    entity's."""
 
     def __init__(self, node: Node, context: Context) -> None:
         super().__init__(node)
@@ -183,7 +185,8 @@ def _projection(network: RoadNetwork) -> GeoReference:
 
 @registry.position("GeoPosition")
 class GeoPosition(FixedPosition):
-    """Latitude and longitude (WGS 84), in degrees (`latitudeDeg`, `longitudeDeg`) or radians (`latitude`, `longitude`, 1.1).
+    """Latitude and longitude (WGS 84), in degrees (`latitudeDeg`, `longitudeDeg`) or radians
+    (`latitude`, `longitude`, 1.1).
 
     `altitude` (m) is above the surface of the topmost road there, `height` (1.1) above the
     projection's zero level. Relative orientations count from the road's +s direction, off road from

@@ -1,4 +1,5 @@
-"""Storyboard elements and triggers in many runs at once: `story_elements`, `storyboard` and `triggers` with masks of runs.
+"""Storyboard elements and triggers in many runs at once: `story_elements`, `storyboard` and
+`triggers` with masks of runs.
 
 A method takes the runs (n,) in which its counterpart there is called, and does the same in them; a
 run never sees the others.
@@ -443,7 +444,8 @@ class BatchGroup(BatchElement):
         super().start(rows)
 
     def end(self, rows: BoolArray) -> None:
-        """running → standby while executions are left, to start again in the next step; else → complete."""
+        """running → standby while executions are left, to start again in the next step; else →
+        complete."""
         left = rows & (self._executions < self._maximum)
         if left.any():
             self.change(left, STANDBY, END)

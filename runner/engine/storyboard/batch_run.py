@@ -114,7 +114,8 @@ class Single:
         return self._run.environment
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes
+        straight ahead."""
         self.roads.place(entity, placement)
         self.relocated(entity)
 
@@ -181,7 +182,8 @@ class BatchSimulation(RunRows):
         self._values: dict[int, tuple[NumberColumn, FloatArray]] = {}
         self._named: dict[tuple[str, str], NamedValue] = {}
         self._put: dict[str, BoolArray] = {}
-        """runs (n,) in which an action has put an entity somewhere since the last instant, by its name"""
+        """runs (n,) in which an action has put an entity somewhere since the last instant, by its
+        name"""
         self._processes: list[
             tuple[BatchProcess, BatchActionElement, EntityRows | None, tuple[str, ...]]
         ] = []
@@ -311,11 +313,13 @@ class BatchSimulation(RunRows):
         others: Iterable[Entity],
         act: Callable[[Entity, int], object],
     ) -> None:
-        """Do something with an entity in some runs as the interpreter does it; a run in which it is refused is left.
+        """Do something with an entity in some runs as the interpreter does it; a run in which it is
+        refused is left.
 
         Args:
             others: entities whose state is needed as well.
-            act: called with the entity of the compiled scenario, as it is in a run, and the run's row.
+            act: called with the entity of the compiled scenario, as it is in a run, and the run's
+                row.
         """
         needed = [self.entities[other.name] for other in others if other.name != actor.name]
         # Entities of the compiled scenario serve as the working copy of one row after the other.
@@ -341,7 +345,8 @@ class BatchSimulation(RunRows):
             self.single.put.clear()
 
     def relocated(self, actor: EntityRows, rows: BoolArray) -> None:
-        """Show an entity where an action has put it at this time, in some runs (n,), not only after the coming step."""
+        """Show an entity where an action has put it at this time, in some runs (n,), not only after
+        the coming step."""
         self._put[actor.name] = self._put.get(actor.name, np.zeros(self.n, bool)) | rows
 
     def element(self, element: StoryboardElement) -> BatchElement:
@@ -498,7 +503,8 @@ class BatchSimulation(RunRows):
                     self._last[first] = np.minimum(self._last[first], last)
 
     def _touched_within(self, a: EntityRows, b: EntityRows, rows: IntArray) -> FloatArray:
-        """Times (s) of contacts in some runs (k,) that began and ended within the last step; infinite for none."""
+        """Times (s) of contacts in some runs (k,) that began and ended within the last step;
+        infinite for none."""
         share = first_touch_batch(a, b, self.dt, rows)
         for place in np.flatnonzero(np.isnan(share)):
             found = first_touch(a.load(rows[place]), b.load(rows[place]), self.dt)

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 _by_x = attrgetter("x")
 _by_name = attrgetter("name")
 _MARGIN = 10.0
-"""Distance (m) up to which pairs are kept under observation beyond that at which they might touch"""
+"""Distance (m) up to which pairs are kept under observation beyond that at which they might touch
+"""
 _ROUNDING = 1e-6
 _FASTER = 1.5
 """Displacement in a step as a multiple of the present one, up to which pairs are kept"""
@@ -37,8 +38,8 @@ _MARGIN_OF_REACH = 1e-3
 
 
 _Pair = tuple[Entity, Entity, float, Separation]
-"""Two participants that may touch soon, and the distance of their reference points along an axis (m)
-above which they do not touch, and did not within the last step"""
+"""Two participants that may touch soon, and the distance of their reference points along an axis
+(m) above which they do not touch, and did not within the last step"""
 _Contact = tuple[Entity, Entity, float]
 """Two participants that touch, and the time from which on they do, if they did not before (s)"""
 
@@ -66,7 +67,8 @@ class Contacts:
         self._total = 0.0
         """total displacement a step ago"""
         self._longest = 0.0
-        """displacement of any participant in a step up to which the pairs are those that may touch"""
+        """displacement of any participant in a step up to which the pairs are those that may touch
+        """
         self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
         self.history: list[tuple[float, str, str]] = []
@@ -97,7 +99,8 @@ class Contacts:
             # Boxes along x and y are the cheapest test; it ends here for most pairs.
             if not -reach <= b.x - a.x <= reach or not -reach <= b.y - a.y <= reach:
                 continue
-            # Its last measurement excludes a contact now and, as the way is straight, on the way here.
+            # Its last measurement excludes a contact now and, as the way is straight, on the way
+            # here.
             if separation.touching or not separation.exceeds(_ROUNDING) or separation.measured:
                 self._look_at(a, b, separation, found)
         if found or self.pairs:
@@ -124,7 +127,8 @@ class Contacts:
             found.append((a, b, run.time - (1.0 - share) * dt))
 
     def _look_around(self) -> list[_Pair]:
-        """Pairs to check until an entity has moved far enough, or further in a step; every pair if there are few entities."""
+        """Pairs to check until an entity has moved far enough, or further in a step; every pair if
+        there are few entities."""
         dt = self._run.dt
         if len(self._everyone) <= FEW:
             self._due = math.inf
@@ -179,7 +183,8 @@ def _pair(a: Entity, b: Entity, way: float) -> _Pair:
 
 
 def _longest(a: Entity, b: Entity, dt: float) -> float:
-    """Longest way (m) of two entities towards each other in a step; a faster one makes a run inconclusive."""
+    """Longest way (m) of two entities towards each other in a step; a faster one makes a run
+    inconclusive."""
     fastest = a.declared.performance.max_speed + b.declared.performance.max_speed
     return _TOLERANCE * fastest * dt
 

@@ -1,4 +1,5 @@
-"""Remarks on entities that never appear, a missing ego, and an ego that stands, leaves the road or reaches its end."""
+"""Remarks on entities that never appear, a missing ego, and an ego that stands, leaves the road or
+reaches its end."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ _SLEEPLESS = 8
 
 
 def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
-    """A remark on each entity of a scenario's file that no action has put anywhere in a run, its trailers left out."""
+    """A remark on each entity of a scenario's file that no action has put anywhere in a run, its
+    trailers left out."""
     absent = (
         entity for entity in entities if not entity.placed and entity.controls.tractor is None
     )
@@ -57,7 +59,8 @@ def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
 
 
 def jolts(tracks: Iterable[Track]) -> tuple[str, ...]:
-    """Return a remark on each vehicle that stops dead, in a step that takes more than any brake, at the first such step.
+    """Return a remark on each vehicle that stops dead, in a step that takes more than any brake, at
+    the first such step.
 
     Scripted steps of the speed are changes of state and have no acceleration: only tracks that the
     end of a road stopped are to be given.
@@ -85,7 +88,8 @@ def jolts(tracks: Iterable[Track]) -> tuple[str, ...]:
 def egoless(
     entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]] = ()
 ) -> tuple[str, ...]:
-    """A sentence on a scenario without an ego, if nothing is driven by the system, or no contact can fail.
+    """A sentence on a scenario without an ego, if nothing is driven by the system, or no contact
+    can fail.
 
     Args:
         entities: those of the scenario.
@@ -111,26 +115,31 @@ def egoless(
 
 
 _JOLT, _ROUNDING = 25.0, 1.0
-"""Acceleration (m/s²) that no road vehicle reaches, and change of speed (m/s) that may be rounding"""
+"""Acceleration (m/s²) that no road vehicle reaches, and change of speed (m/s) that may be rounding
+"""
 
 
 class Departures:
-    """Notes in the event log when the ego leaves the road, is back on it, and stops where it ends; to be called once a step."""
+    """Notes in the event log when the ego leaves the road, is back on it, and stops where it ends;
+    to be called once a step."""
 
     def __init__(self, ego: Entity | None) -> None:
         self._ego = ego
         self._off = self._ended = False
         self.first: dict[str, tuple[float, str]] = {}
-        """Time (s) and sentence on the first time that it left the road (`offRoad`), and came to its end (`roadEnd`)"""
+        """Time (s) and sentence on the first time that it left the road (`offRoad`), and came to
+        its end (`roadEnd`)"""
         self._judged, self._x, self._y, self._clearance = -1, 0.0, 0.0, 0.0
-        """where it was found well on the road, while `Run.changes` was that, and how far from there it has not left it"""
+        """where it was found well on the road, while `Run.changes` was that, and how far from there
+        it has not left it"""
         self._section: LaneSection | None = None
         self._lane, self._offset = 0, 0.0
         """where it was found within a lane that keeps its width"""
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """One sentence on the first time that it left the road, and one on the first time that it came to its end."""
+        """One sentence on the first time that it left the road, and one on the first time that it
+        came to its end."""
         return tuple(text for _, text in self.first.values())
 
     def __call__(self, run: Run) -> None:

@@ -1,4 +1,5 @@
-"""Driver of the ego, as the simulation asks it: in each step for a decision, or for the world's own driver.
+"""Driver of the ego, as the simulation asks it: in each step for a decision, or for the world's own
+driver.
 
 Drivers are kinds of it in `runner.systems.drivers`.
 """
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Pose that a system under test with a vehicle model of its own gives the ego at the end of this step.
+    """Pose that a system under test with a vehicle model of its own gives the ego at the end of
+    this step.
 
     The ego is put there as it is: no limit of its `Performance` is applied. A pose that no vehicle
     can reach makes the run inconclusive (cause `performance`). Height, pitch and roll are those of
@@ -65,7 +67,8 @@ class EgoDriver(ABC):
     """
 
     scripted = True
-    """whether the scenario says how fast the ego is; if not, it keeps its speed when the world's own driver lets go of it"""
+    """whether the scenario says how fast the ego is; if not, it keeps its speed when the world's
+    own driver lets go of it"""
 
     def __init__(self, handed_over: bool) -> None:
         self.longitudinal = handed_over

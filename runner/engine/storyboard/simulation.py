@@ -99,14 +99,16 @@ class Simulation:
         self.changes = 0
         self.time = 0.0
         self.initialising = True
-        """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
+        """Whether the initial actions and the events of time 0 are starting: what takes no time
+        sets the initial state."""
         self.finished = False
         self.processes: list[Process] = []
         self.ended: list[Process] = []
         self.put: list[Entity] = []
         """entities that actions have put somewhere since the last row was recorded"""
         self.rests: list[str] = []
-        """sentences on actions that have ended, or are under way when the run stops, short of their goals"""
+        """sentences on actions that have ended, or are under way when the run stops, short of their
+        goals"""
         self.log: list[LogEntry] = []
         self.displacement = Displacement(self)
         self.contacts = Contacts(self)
@@ -213,7 +215,8 @@ class Simulation:
         return True
 
     def _look_back(self) -> None:
-        """Log how the actions of this step have ended; a rest above its tolerance is a remark, except where others drive."""
+        """Log how the actions of this step have ended; a rest above its tolerance is a remark,
+        except where others drive."""
         for process in self.ended:
             rest, actor = process.running.rest(), process.actor
             if rest is not None and actor is not None:
@@ -245,7 +248,8 @@ class Simulation:
         ego.controls.driver = driver
 
     def _drive_ego(self, ego: Entity, driver: EgoDriver) -> None:
-        """One step as the driver wants it: by the world's own driver, or by the speed and steering decided."""
+        """One step as the driver wants it: by the world's own driver, or by the speed and steering
+        decided."""
         request = driver.request(ego)
         if request is not None:
             driven = ego.controls.world_driven or self.drive(ego)
@@ -274,7 +278,8 @@ class Simulation:
         self._move(ego, decision.speed, self.dt)
 
     def _take_back(self, ego: Entity, driver: EgoDriver) -> None:
-        """Take the ego back from the world's own driver; unless an action moves it already, it goes on along its lane."""
+        """Take the ego back from the world's own driver; unless an action moves it already, it goes
+        on along its lane."""
         self.world.release(ego)
         ego.controls.world_driven = False
         if LATERAL not in ego.controls.owners:
@@ -313,7 +318,8 @@ class Simulation:
             tow(self.roads, entity, dt)
 
     def _stay(self, entity: Entity) -> None:
-        """One step of an entity that stands: once such a step has left all as it was, the same until something happens."""
+        """One step of an entity that stands: once such a step has left all as it was, the same
+        until something happens."""
         controls = entity.controls
         # Trailers settle in their own time, and lateral motion may go on at standstill; neither is
         # skipped.
@@ -354,7 +360,8 @@ class Simulation:
             tow(self.roads, entity, dt)
 
     def _left(self, entity: Entity) -> None:
-        """The world has let go of an entity at the end of its way: what the scenario declares goes on as scripted."""
+        """The world has let go of an entity at the end of its way: what the scenario declares goes
+        on as scripted."""
         self.note(
             "left", entity.name, f"has come to the end of the way that {self.world.name} knows"
         )
@@ -389,7 +396,8 @@ class Simulation:
                 call(self)
 
     def element_rearmed(self, element: Element) -> None:
-        """A storyboard element is back in standby without a transition; conditions see it from the next step on."""
+        """A storyboard element is back in standby without a transition; conditions see it from the
+        next step on."""
         self._changed.append(element)
         self.wake()
         self.storyboard.changed(element)
@@ -403,7 +411,8 @@ class Simulation:
         self.changes += 1
 
     def note(self, kind: str, subject: str, text: str = "", time: float | None = None) -> None:
-        """Write a line of the event log; what is worth one may matter to a condition, so all are woken."""
+        """Write a line of the event log; what is worth one may matter to a condition, so all are
+        woken."""
         self.wake()
         self.log.append(LogEntry(self.time if time is None else time, kind, subject, text))
 
@@ -429,7 +438,8 @@ class Simulation:
             process.override(reason)
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes
+        straight ahead."""
         self.wake()
         self.roads.place(entity, placement)
         self.relocated(entity)
@@ -439,12 +449,14 @@ class Simulation:
             self.drive(entity)
 
     def relocated(self, entity: Entity) -> None:
-        """Show an entity, and its trailers, where an action has put it at this time, not only after the coming step."""
+        """Show an entity, and its trailers, where an action has put it at this time, not only after
+        the coming step."""
         # `train`: the entity and all that it tows.
         self.put += train(entity)
 
     def drive(self, entity: Entity) -> bool:
-        """Hand an entity to the world's own driver; false, and it goes on as scripted, where that can't drive."""
+        """Hand an entity to the world's own driver; false, and it goes on as scripted, where that
+        can't drive."""
         driven = entity.controls.world_driven = self.world.drive(entity)
         if driven:
             self.roads.leave_lane(entity)
@@ -454,13 +466,15 @@ class Simulation:
         return driven
 
     def activate(self, entity: Entity, placement: Placement) -> None:
-        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked for, its trailers with it."""
+        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked
+        for, its trailers with it."""
         self.place(entity, placement)
         if not entity.active:
             self.enter(entity)
 
     def enter(self, entity: Entity) -> None:
-        """Bring an entity that has got its first place into the world, at the speed that it was last asked for."""
+        """Bring an entity that has got its first place into the world, at the speed that it was
+        last asked for."""
         self.wake()
         for member in train(entity):
             # A trailer that is present already was placed by itself: it keeps its state.
@@ -487,7 +501,8 @@ class Simulation:
         self.world.remove(entity)
 
     def spawn(self, entity: Entity, placement: Placement, speed: float) -> bool:
-        """Bring in a participant that the scenario does not name, for the world's own driver; false where it can't drive."""
+        """Bring in a participant that the scenario does not name, for the world's own driver; false
+        where it can't drive."""
         self.place(entity, placement)
         entity.speed = speed
         if not self.world.drive(entity):

@@ -1,4 +1,5 @@
-"""Storyboard elements: states and transitions; actions in execution (OpenSCENARIO XML 1.3, 8.3, 8.4.1)."""
+"""Storyboard elements: states and transitions; actions in execution (OpenSCENARIO XML 1.3, 8.3,
+8.4.1)."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ class StoryboardRun(Run, Protocol):
         ...
 
     def element_rearmed(self, element: Element) -> None:
-        """An element is back in standby without a transition; conditions see it from the next step on."""
+        """An element is back in standby without a transition; conditions see it from the next step
+        on."""
         ...
 
     def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
@@ -72,7 +74,8 @@ class Element:
 
     @property
     def path(self) -> str:
-        """Name with the names of the enclosing elements, joined by `::` as in a StoryboardElementRef."""
+        """Name with the names of the enclosing elements, joined by `::` as in a
+        StoryboardElementRef."""
         above = self.parent.path if self.parent else ""
         return f"{above}::{self.name}" if above else self.name
 
@@ -199,7 +202,8 @@ class ActionElement(Element):
         self.node = node
         """its element, or that of initial actions"""
         self.whole = whole
-        """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
+        """Whether the actors are one EntitySelection: a conflict for one is a conflict for all
+        (standard 7.5.1)."""
         self._processes: list[Process] = []
 
     @property
@@ -216,7 +220,8 @@ class ActionElement(Element):
         return [entity for entity in placed if not entity.active]
 
     def execute(self, run: StoryboardRun, actors: Sequence[Entity], reason: str = "") -> None:
-        """Start for those of these actors that are there; complete at once when nothing is left to run.
+        """Start for those of these actors that are there; complete at once when nothing is left to
+        run.
 
         An action that places its actor brings in one that has had no place so far; one that was
         deleted has to be added again.
@@ -292,7 +297,8 @@ class ActionElement(Element):
             self.end(run)
 
     def override(self, run: StoryboardRun, process: Process, reason: str) -> None:
-        """A newer action takes a control domain from one of the processes: as if stopped (standard 7.5.1)."""
+        """A newer action takes a control domain from one of the processes: as if stopped (standard
+        7.5.1)."""
         # 7.5.1: a selection of entities counts as one actor, so a conflict for one of them ends the
         # action for all of them.
         if self.whole:

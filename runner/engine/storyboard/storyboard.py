@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 
 class Event(Element):
-    """An Event: waits for its trigger, respects the priority among the events of its maneuver, may execute repeatedly."""
+    """An Event: waits for its trigger, respects the priority among the events of its maneuver, may
+    execute repeatedly."""
 
     kind = "event"
 
@@ -158,7 +159,8 @@ class ManeuverGroup(Element):
         """all actors so far, those selected by triggers included"""
 
     def actors_for(self, event: Event) -> list[Entity]:
-        """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
+        """The actors of an event that starts now, those selected by its trigger (or its act's)
+        included."""
         selected: tuple[Entity, ...] = ()
         if self.select_triggering:
             # An event without a start trigger starts with its act, so the act's trigger selects.
@@ -176,7 +178,8 @@ class ManeuverGroup(Element):
         super().start(run, reason)
 
     def end(self, run: StoryboardRun) -> None:
-        """running → standby while executions are left, to start again in the next step; else → complete."""
+        """running → standby while executions are left, to start again in the next step; else →
+        complete."""
         if self.executions < self.maximum:
             self.change(run, ElementState.STANDBY, Transition.END)
             # In the same step its conditions on element states would never see the group in
@@ -246,7 +249,8 @@ class Act(Element):
         return self.stop_trigger is not None if running else self.state is ElementState.STANDBY
 
     def fire(self, run: StoryboardRun) -> None:
-        """Start because the start trigger has fired, or stop because the stop trigger has, which is looked at in either case."""
+        """Start because the start trigger has fired, or stop because the stop trigger has, which is
+        looked at in either case."""
         stops = self.state is ElementState.RUNNING
         if not stops:
             self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
@@ -299,7 +303,8 @@ class Storyboard:
 
     @property
     def actors(self) -> dict[str, tuple[str, ...]]:
-        """Names of the actors of each maneuver group, by the group's path: declared, and selected by triggers so far."""
+        """Names of the actors of each maneuver group, by the group's path: declared, and selected
+        by triggers so far."""
         groups = [
             group for act in self.acts for group in act.children if isinstance(group, ManeuverGroup)
         ]
@@ -351,7 +356,8 @@ class Storyboard:
             self._acts.add(self._places[act], act, act.trigger)
 
     def changed(self, element: Element) -> None:
-        """To be called when an element has changed its state: it may wait for a trigger from now on."""
+        """To be called when an element has changed its state: it may wait for a trigger from now
+        on."""
         self._until = -math.inf
         # Any change of state may end the waiting of elements below it.
         self._acts.stale = self._events.stale = True
@@ -454,7 +460,8 @@ def _prepares(earlier: Action, later: Action, needed: set[int]) -> bool:
 
 
 def _adding_first(due: list[Event]) -> list[Event]:
-    """Events that start in one step: those that add an absent entity before the first one that acts on it, else as they are."""
+    """Events that start in one step: those that add an absent entity before the first one that acts
+    on it, else as they are."""
     # Events without AddEntityAction stay in document order; only those whose actors are added in
     # this same step move behind the event that adds them.
     adding = {
@@ -499,7 +506,8 @@ def check_actors(storyboard: Storyboard) -> None:
 
 
 def placeable(storyboard: Storyboard) -> set[Entity] | None:
-    """Entities that some action can put somewhere; None where triggers select actors, which are known in a run only."""
+    """Entities that some action can put somewhere; None where triggers select actors, which are
+    known in a run only."""
     if any(event.group.select_triggering for act in storyboard.acts for event in act.events):
         return None
     return {entity for action, actors in _starts(storyboard) for entity, _ in _puts(action, actors)}

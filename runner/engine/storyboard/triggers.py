@@ -114,7 +114,8 @@ class TimedCondition:
         return self._delayed(run.time, value) if self.delay > 0.0 else value
 
     def _delayed(self, time: float, value: bool) -> bool:
-        """The value of `delay` ago, with this one added to the history, where it is not the same as the one before."""
+        """The value of `delay` ago, with this one added to the history, where it is not the same as
+        the one before."""
         # Only changes are kept, so the history stays short for any delay. Its first entry is the
         # value that was valid `delay` ago.
         history, then = self._history, time - self.delay + _EPSILON
@@ -144,7 +145,8 @@ class TimedCondition:
 
     @property
     def missed(self) -> bool:
-        """Whether it waits for a rise that has been, and that there can be only one of, or was true throughout."""
+        """Whether it waits for a rise that has been, and that there can be only one of, or was true
+        throughout."""
         # A rise still in the history counts later: the delay has not let it through yet.
         true = self.edge == "rising" and self._previous is True
         past = true and (self._held or self.condition.stays_true)
@@ -206,7 +208,8 @@ class Trigger:
         return cls(groups) if groups else None
 
     def take_any(self) -> None:
-        """Fire when any condition of any group is true, as CARLA's scenario_runner does where it stops acts."""
+        """Fire when any condition of any group is true, as CARLA's scenario_runner does where it
+        stops acts."""
         self.groups = [[condition] for group in self.groups for condition in group]
 
     def reset(self) -> None:
@@ -225,7 +228,8 @@ class Trigger:
                 condition.rearm()
 
     def missed(self, run: Instant) -> str:
-        """Return the reason why it can never fire, with the false conditions of each group; empty while it can."""
+        """Return the reason why it can never fire, with the false conditions of each group; empty
+        while it can."""
         vain = [[condition for condition in group if condition.missed][:1] for group in self.groups]
         return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
 
@@ -236,7 +240,8 @@ class Trigger:
         )
 
     def fires(self, run: Instant) -> bool:
-        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""
+        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever
+        the others say."""
         fired = None
         for group in self.groups:
             true = True
@@ -258,7 +263,8 @@ class Trigger:
         return True
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until when it does not fire, and its conditions need not be evaluated; asked after it has not fired."""
+        """Until when it does not fire, and its conditions need not be evaluated; asked after it has
+        not fired."""
         until = Dormancy()
         for group in self.groups:
             remembering = [condition for condition in group if condition.keeps_memory]
@@ -288,7 +294,8 @@ Waiting = TypeVar("Waiting", bound=Triggered)
 
 
 class _Watched(Generic[Waiting]):
-    """A waiting element: its place in the document, and when it is looked at next whether its trigger is dormant."""
+    """A waiting element: its place in the document, and when it is looked at next whether its
+    trigger is dormant."""
 
     __slots__ = ("element", "pause", "place", "retry", "trigger")
 
@@ -360,7 +367,8 @@ class Watch(Generic[Waiting]):
 
     @property
     def quiet(self) -> float:
-        """Time (s) until which nothing is to be evaluated while `Run.changes` stays; in the past where that is not known."""
+        """Time (s) until which nothing is to be evaluated while `Run.changes` stays; in the past
+        where that is not known."""
         if self.awake or self._by_way:
             return -math.inf
         return self._by_time[0][0] if self._by_time else math.inf

@@ -1,4 +1,5 @@
-"""Contract of a world (a simulator), and the worlds without one: `KinematicWorld`, `RehearsalWorld`.
+"""Contract of a world (a simulator), and the worlds without one: `KinematicWorld`,
+`RehearsalWorld`.
 
 The interpreter owns every scripted participant and shows the world where it is (`mirror`);
 participants that the world's own driver moves (`Controls.world_driven`) are read back (`read`). A
@@ -15,7 +16,8 @@ from xodr.graph.network import RoadNetwork
 
 
 class WorldState(NamedTuple):
-    """State of a participant that the world moves: reference point (m), heading (rad), speed (m/s), in the plane."""
+    """State of a participant that the world moves: reference point (m), heading (rad), speed (m/s),
+    in the plane."""
 
     x: float
     y: float
@@ -44,7 +46,8 @@ class World(Protocol):
     name: str
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
-        """Load the road network and stand at time 0; says what the user should know of it, if anything."""
+        """Load the road network and stand at time 0; says what the user should know of it, if
+        anything."""
         ...
 
     def add(self, entity: Entity) -> None:
@@ -56,7 +59,8 @@ class World(Protocol):
         ...
 
     def drive(self, entity: Entity) -> bool:
-        """Hand a participant to the world's own driver for the coming step, at its present pose and speed.
+        """Hand a participant to the world's own driver for the coming step, at its present pose and
+        speed.
 
         False where the driver can't drive there (no lane of its kind, or it faces against the
         traffic). A participant that is driven already is put to its present pose.
@@ -72,11 +76,13 @@ class World(Protocol):
         ...
 
     def show(self, entity: Entity, visible: bool) -> None:
-        """Let the world's own drivers see a scripted participant, or not (VisibilityAction, traffic)."""
+        """Let the world's own drivers see a scripted participant, or not (VisibilityAction,
+        traffic)."""
         ...
 
     def signal(self, signal_id: str, state: str) -> bool:
-        """Show the world's own drivers a traffic signal's state, as the scenario writes it; false if not understood."""
+        """Show the world's own drivers a traffic signal's state, as the scenario writes it; false
+        if not understood."""
         ...
 
     def mirror(self, entities: Iterable[Entity]) -> None:

@@ -47,7 +47,8 @@ class SignalAhead(NamedTuple):
 
 
 class StopLine(NamedTuple):
-    """Stop line at which a light forbids to go on: its id, and the distance (m) from the reference point along the lane."""
+    """Stop line at which a light forbids to go on: its id, and the distance (m) from the reference
+    point along the lane."""
 
     signal: str
     distance: float
@@ -62,7 +63,8 @@ class SignalLine(NamedTuple):
     validity: tuple[tuple[int, int], ...]
 
     def holds(self, lane_id: int, forwards: bool) -> bool:
-        """Whether it is for traffic on a lane in a direction; lanes that a file names say more than an orientation."""
+        """Whether it is for traffic on a lane in a direction; lanes that a file names say more than
+        an orientation."""
         if self.validity:
             return any(
                 low <= lane_id <= high or high <= lane_id <= low for low, high in self.validity
@@ -108,7 +110,8 @@ class _Ahead(NamedTuple):
 
 
 class SignalHorizon:
-    """Finds the traffic lights ahead of one road user, and remembers them while it is on one lane of one road.
+    """Finds the traffic lights ahead of one road user, and remembers them while it is on one lane
+    of one road.
 
     Args:
         network: the roads.

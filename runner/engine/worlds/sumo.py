@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from xodr.graph.network import RoadNetwork
 
 _MOST = 300_000
-"""Places that are kept at most, 24 bytes each; the older half of the calls is forgotten above that"""
+"""Places that are kept at most, 24 bytes each; the older half of the calls is forgotten above that
+"""
 
 
 class _Call(NamedTuple):
@@ -38,7 +39,8 @@ _STEP = _Call("step")
 
 
 class _Places(NamedTuple):
-    """Participants at the end of a step, with x, y (m) and heading (rad) of each, one after the other."""
+    """Participants at the end of a step, with x, y (m) and heading (rad) of each, one after the
+    other."""
 
     entities: tuple[Entity, ...]
     numbers: array[float]
@@ -218,7 +220,8 @@ class SumoWorld:
             self.simulation.release(entity)
 
     def ask(self, entity: Entity, request: DriverRequest) -> None:
-        """Set desired speed and permission to change lanes; speed limits hold only where no speed is asked for."""
+        """Set desired speed and permission to change lanes; speed limits hold only where no speed
+        is asked for."""
         self.begin().ask(entity, request)
 
     def read(self, entity: Entity) -> WorldState | None:

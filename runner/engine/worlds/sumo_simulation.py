@@ -53,15 +53,19 @@ Place = tuple[Entity, float, float, float]
 """A participant with its reference point (m) and heading (rad)"""
 
 _ANYWHERE = 6
-"""moveToXY's keepRoute bits: 2, also off the route and off the lanes; 4, whatever the lane permits."""
+"""moveToXY's keepRoute bits: 2, also off the route and off the lanes; 4, whatever the lane permits.
+"""
 _NEAR = 3.0
-"""Distance (m) from a lane's centre up to which SUMO looks for the lane that a participant is on; further is off the road."""
+"""Distance (m) from a lane's centre up to which SUMO looks for the lane that a participant is on;
+further is off the road."""
 _LANE_CHANGE = 3.0
 """Duration (s) of SUMO's lane changes."""
 _STEERING = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.3"}
-"""Parameters of SUMO's lane changes: sideways with at most 0.3 of the speed, so not at all when standing."""
+"""Parameters of SUMO's lane changes: sideways with at most 0.3 of the speed, so not at all when
+standing."""
 _STAYING = {"lcKeepRight": "0"}
-"""The same for participants that the scenario declares: they leave the lane where it puts them for a reason only."""
+"""The same for participants that the scenario declares: they leave the lane where it puts them for
+a reason only."""
 _ROUNDING = 1e-9
 _LARGEST_SEED = 2**31 - 1
 _SMALLEST = 0.1
@@ -88,7 +92,8 @@ class _Arrival(NamedTuple):
 
 
 class _Shown(NamedTuple):
-    """A participant in SUMO: its SUMO id, and where the middle of its front bumper is in its own frame (m)."""
+    """A participant in SUMO: its SUMO id, and where the middle of its front bumper is in its own
+    frame (m)."""
 
     id: str
     ahead: float
@@ -96,7 +101,8 @@ class _Shown(NamedTuple):
 
 
 def _front(shown: _Shown, x: float, y: float, h: float) -> tuple[float, float, float]:
-    """The middle of the front bumper x, y (m) and SUMO's angle (degrees) for a reference point (m) and heading (rad)."""
+    """The middle of the front bumper x, y (m) and SUMO's angle (degrees) for a reference point (m)
+    and heading (rad)."""
     cos, sin = math.cos(h), math.sin(h)
     return (
         x + shown.ahead * cos - shown.aside * sin,
@@ -106,7 +112,8 @@ def _front(shown: _Shown, x: float, y: float, h: float) -> tuple[float, float, f
 
 
 def _reference(shown: _Shown, x: float, y: float, angle: float) -> tuple[float, float, float]:
-    """Reference point x, y (m) and heading (rad) of the entity whose front bumper SUMO has at x, y under an angle (degrees)."""
+    """Reference point x, y (m) and heading (rad) of the entity whose front bumper SUMO has at x, y
+    under an angle (degrees)."""
     h = math.radians(90.0 - angle)
     cos, sin = math.cos(h), math.sin(h)
     x -= shown.ahead * cos - shown.aside * sin
@@ -319,7 +326,8 @@ class SumoSimulation:
         self._apply(entity, self._requests.get(entity, DriverRequest()))
 
     def _find_route(self, entity: Entity, here: RoadPoint, odometer: float) -> None:
-        """Give SUMO's driver the way from here on. Where SUMO knows no such way, it keeps the one that it has."""
+        """Give SUMO's driver the way from here on. Where SUMO knows no such way, it keeps the one
+        that it has."""
         assert self._routes is not None
         name, vehicle = self._shown[entity].id, libsumo.vehicle
         driving = vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
@@ -336,7 +344,8 @@ class SumoSimulation:
         self._requests.pop(entity, None)
 
     def ask(self, entity: Entity, request: DriverRequest) -> None:
-        """Set desired speed and permission to change lanes; speed limits hold only where no speed is asked for."""
+        """Set desired speed and permission to change lanes; speed limits hold only where no speed
+        is asked for."""
         if self._requests.get(entity) == request:
             return
         self._requests[entity] = request
@@ -384,7 +393,8 @@ class SumoSimulation:
         return WorldState(*_reference(shown, x, y, angle), speed)
 
     def signal(self, signal_id: str, state: str) -> None:
-        """Show SUMO's traffic a signal's state; one that is not understood as if the light were off."""
+        """Show SUMO's traffic a signal's state; one that is not understood as if the light were
+        off."""
         letter = link_state(state)
         for light, link in self._net.signals.get(signal_id, ()):
             shown = self._dark[light][link] if letter in (None, OFF) else letter

@@ -23,7 +23,8 @@ from xosc.writing.versions import with_recent
 
 
 class VehicleKind(NamedTuple):
-    """SUMO vehicle class, and what SUMO's driver of such a vehicle uses: m/s², m/s², m/s (SUMO's own defaults)."""
+    """SUMO vehicle class, and what SUMO's driver of such a vehicle uses: m/s², m/s², m/s (SUMO's
+    own defaults)."""
 
     vehicle_class: str
     acceleration: float
@@ -52,7 +53,8 @@ OBSTACLE = VehicleKind("ignoring", 1.0, 1.0, 55.0)
 
 
 RED, RED_YELLOW, YELLOW, GREEN, YIELD, OFF = "r", "u", "y", "g", "o", ""
-"""Link states of SUMO. OFF is not SUMO's: the junction's own right of way holds, for which SUMO has one or another letter."""
+"""Link states of SUMO. OFF is not SUMO's: the junction's own right of way holds, for which SUMO has
+one or another letter."""
 
 _LETTERS = {
     Aspect.RED: RED, Aspect.RED_YELLOW: RED_YELLOW, Aspect.YELLOW: YELLOW, Aspect.GREEN: GREEN, Aspect.CAUTION: YIELD,

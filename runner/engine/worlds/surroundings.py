@@ -1,4 +1,5 @@
-"""Surroundings while a scenario runs: weather, time of day and road condition; traffic signals and their controllers.
+"""Surroundings while a scenario runs: weather, time of day and road condition; traffic signals and
+their controllers.
 
 A controller goes round its phases (OpenSCENARIO XML 1.3, 6.11). One with a `delay` and a
 `reference` begins its first phase that long after the referenced one, as if both had always been
@@ -97,11 +98,13 @@ def read_date(node: Node, attribute: str) -> datetime:
 
 _EPSILON = 1e-9
 _AT = 2.0
-"""Largest distance (m) of a traffic light from the place that names it, as in CARLA's scenario_runner."""
+"""Largest distance (m) of a traffic light from the place that names it, as in CARLA's
+scenario_runner."""
 
 
 class Phase(NamedTuple):
-    """A phase: how long it lasts (s), the states that it puts signals into, by signal id, and what they mean, if it says so."""
+    """A phase: how long it lasts (s), the states that it puts signals into, by signal id, and what
+    they mean, if it says so."""
 
     name: str
     duration: float
@@ -219,7 +222,8 @@ class TrafficSignals:
     # references ----------------------------------------------------------------------------
 
     def signal(self, node: Node, attribute: str) -> str:
-        """The signal id that an attribute names: by the id, or as in files for CARLA by `id=…` or the place in `pos=x,y`.
+        """The signal id that an attribute names: by the id, or as in files for CARLA by `id=…` or
+        the place in `pos=x,y`.
 
         Raises:
             InvalidFile: neither the road network nor a controller has such a signal.
@@ -266,7 +270,8 @@ class TrafficSignals:
         return math.hypot(pose.x - x, pose.y - y)
 
     def phase(self, node: Node) -> tuple[str, str]:
-        """The names of the controller and its phase that `trafficSignalControllerRef` and `phase` give."""
+        """The names of the controller and its phase that `trafficSignalControllerRef` and `phase`
+        give."""
         name, phase = node.get("trafficSignalControllerRef"), node.get("phase")
         if name not in self.controllers:
             raise node.invalid(
@@ -294,7 +299,8 @@ class TrafficSignals:
     def set_state(
         self, run: SignalRun, signal: str, state: str, semantics: str | None = None
     ) -> None:
-        """Put a signal into a state; the semantics of its phase, where there are some, decide on the aspect."""
+        """Put a signal into a state; the semantics of its phase, where there are some, decide on
+        the aspect."""
         aspect = aspect_of(state) if semantics is None else SEMANTICS[semantics]
         if signal not in self.states or (self.states[signal], self.aspects[signal]) != (
             state,
@@ -316,13 +322,15 @@ class TrafficSignals:
         return self._horizon is not None and not self._horizon.empty
 
     def ahead(self, point: RoadPoint, forward: bool, guide: Guide | None) -> list[SignalAhead]:
-        """The traffic lights on the way ahead of the ego, see `runner.engine.worlds.signals_ahead.SignalHorizon`."""
+        """The traffic lights on the way ahead of the ego, see
+        `runner.engine.worlds.signals_ahead.SignalHorizon`."""
         if self._horizon is None:
             return []
         return self._horizon.ahead(point, forward, guide, self.states, self.aspects)
 
     def set_phase(self, run: SignalRun, controller: str, phase: str) -> None:
-        """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
+        """Let a controller go on from a phase; the signals of that phase are set even if it was in
+        it already."""
         self.controllers[controller].go_to(phase, run.time)
         self._present.pop(controller, None)
         self.advance(run)
@@ -346,7 +354,8 @@ def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Pha
 
 
 def _controlled(phase: Node, controller: str, network: RoadNetwork | None) -> list[str]:
-    """The signals of a controller, where a phase gives them a meaning and no states: of its other phases, or its group."""
+    """The signals of a controller, where a phase gives them a meaning and no states: of its other
+    phases, or its group."""
     others = phase.parent.iter("TrafficSignalState") if phase.parent is not None else ()
     named = dict.fromkeys(state.get("trafficSignalId") for state in others)
     return list(named) or list(_group(phase, controller, network))
@@ -363,7 +372,8 @@ def _group(node: Node, controller: str, network: RoadNetwork | None) -> tuple[st
 
 
 def _begin(node: Node, nodes: dict[str, Node]) -> float:
-    """Time at which a controller's first phase begins: its delay and those of the controllers it refers to."""
+    """Time at which a controller's first phase begins: its delay and those of the controllers it
+    refers to."""
     total, passed, current = 0.0, set(), node
     while True:
         delay, reference = current.finite("delay", 0.0), current.get("reference", None)

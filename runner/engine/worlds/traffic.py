@@ -1,4 +1,5 @@
-"""Traffic that the scenario asks for without naming it: what it is made of, where it can appear, and how it gets there.
+"""Traffic that the scenario asks for without naming it: what it is made of, where it can appear,
+and how it gets there.
 
 SUMO's drivers drive it. The controllers of a TrafficDefinition or template are programs that are
 not at hand: they are written to the entity, as AssignControllerAction does, and SUMO's drivers take
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
 _SPACING = 5.0
 """Distance (m) of places on a lane where traffic can appear."""
 _HEADWAY, _STANDING_GAP = 1.0, 2.0
-"""Free way that a new participant needs before and behind it: seconds at its speed, and metres on top."""
+"""Free way that a new participant needs before and behind it: seconds at its speed, and metres on
+top."""
 _ATTEMPTS = 20
 """Places that are tried for one new participant at a time."""
 USUAL_SPEED = 50.0 / 3.6
@@ -63,7 +65,8 @@ class Mix:
 
     @classmethod
     def from_xml(cls, node: Node) -> Mix:
-        """Read the TrafficDistribution or TrafficDefinition inside an element; cars where there is neither."""
+        """Read the TrafficDistribution or TrafficDefinition inside an element; cars where there is
+        neither."""
         distribution = node.find("TrafficDistribution")
         if distribution is not None:
             return cls(_templates(distribution))
@@ -84,7 +87,8 @@ Weighted = tuple[tuple[float, Node], ...]
 
 @dataclass(frozen=True)
 class _Usual:
-    """A usual vehicle of a category, with one of several roles and controllers, that an element asks for."""
+    """A usual vehicle of a category, with one of several roles and controllers, that an element
+    asks for."""
 
     node: Node
     category: str
@@ -192,7 +196,8 @@ def _template(node: Node) -> Callable[[str, Random], Entity]:
 
 
 class Place(NamedTuple):
-    """A place on a lane, facing with the traffic there: world pose, road coordinates, usual speed (m/s)."""
+    """A place on a lane, facing with the traffic there: world pose, road coordinates, usual speed
+    (m/s)."""
 
     x: float
     y: float
@@ -258,7 +263,8 @@ class Spawner:
         return self.members
 
     def spawn(self, run: Run, places: Sequence[Place], speed: Callable[[Place], float]) -> bool:
-        """Bring in one more at one of some places, drawn at random; false where none that was tried is free."""
+        """Bring in one more at one of some places, drawn at random; false where none that was tried
+        is free."""
         if not places:
             return False
         entity = self.mix.make(self._next_name(run), run.random)
@@ -314,7 +320,8 @@ class PlaneRegion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """An ellipse about a point (m); `major` is its half axis along the heading h (rad), `minor` the other (m)."""
+    """An ellipse about a point (m); `major` is its half axis along the heading h (rad), `minor` the
+    other (m)."""
 
     x: float
     y: float
@@ -431,7 +438,8 @@ def _limited(node: Node, network: RoadNetwork) -> Iterator[Stretch]:
 def _between(
     one: _Cursor, other: _Cursor, first: bool, last: bool
 ) -> list[tuple[str, float, float]]:
-    """Roads with s from one cursor to the next; a road at either end of the range without s is meant as a whole."""
+    """Roads with s from one cursor to the next; a road at either end of the range without s is
+    meant as a whole."""
     assert one.road is not None and other.road is not None
     if one.road is other.road:
         start, end = (

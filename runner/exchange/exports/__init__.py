@@ -1,4 +1,5 @@
-"""Exports for other tools: every module of `xosc.exports` and `runner.exchange.exports` that names targets is one.
+"""Exports for other tools: every module of `xosc.exports` and `runner.exchange.exports` that names
+targets is one.
 
 `TARGETS` in such a module is a dict of names and summaries. Its function `export(source, target,
 folder, settings)` (of documents, in `xosc.exports`) or `export(result, name, folder)` (of runs,
@@ -46,7 +47,8 @@ GROUP = "xosc.export"
 
 
 def target_of(name: str) -> ExportTarget | None:
-    """The target of that name, of the toolchain or of an installed package; None where there is none.
+    """The target of that name, of the toolchain or of an installed package; None where there is
+    none.
 
     A module of a package has `TARGETS` and `export` as one of `runner.exchange.exports` has; with
     `OF_RUN = False` as one of `xosc.exports`.
@@ -118,4 +120,5 @@ RUN_FIELDS = {
     "light states": "at every step",
     "objects": "of the roads",
 }
-"""Fields of a run and its roads, with what is meant; each target of runs declares their fates (`FATES`)."""
+"""Fields of a run and its roads, with what is meant; each target of runs declares their fates
+(`FATES`)."""

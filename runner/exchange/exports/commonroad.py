@@ -1,4 +1,5 @@
-"""Target `commonroad`: the run as a CommonRoad 2020a scenario, with lanelets, obstacles and the ego's planning problem.
+"""Target `commonroad`: the run as a CommonRoad 2020a scenario, with lanelets, obstacles and the
+ego's planning problem.
 
 Source: CommonRoad "XML Format" 2020a, and its scheme of benchmark ids. Positions are those of the
 bounding box's centre. The ego is the planning problem: it starts as it did, and its goal is where
@@ -188,7 +189,8 @@ def _header(result: RunResult, name: str) -> dict[str, str]:
 
 
 def benchmark_id(name: str) -> str:
-    """The benchmark id of a run: country, scene, number of the map and the configuration, kind and number of the prediction.
+    """The benchmark id of a run: country, scene, number of the map and the configuration, kind and
+    number of the prediction.
 
     A set of parameters of a distribution (`NAME~000003`) is a configuration of its own, as
     CommonRoad counts: from 1.
@@ -292,7 +294,8 @@ def _add_lights(obstacle: etree._Element, track: Track, lights: VehicleLights) -
 
 
 def _waiting(first: etree._Element) -> Iterable[etree._Element]:
-    """Return the single state of an entity present at one step only: CommonRoad requires one after the first."""
+    """Return the single state of an entity present at one step only: CommonRoad requires one after
+    the first."""
     second = etree.fromstring(etree.tostring(first))
     second.tag = "state"
     time = second.find("time/exact")
@@ -315,7 +318,8 @@ def _goal_row(result: RunResult) -> int:
 
 
 def _problem(track: Track, number: int, step: float, goal_row: int) -> etree._Element:
-    """The ego's planning problem: to come, by the end of the run, to where it came, facing as it did."""
+    """The ego's planning problem: to come, by the end of the run, to where it came, facing as it
+    did."""
     problem = etree.Element("planningProblem", id=str(number))
     columns, centre = track.columns, box_centre(track)
     start = etree.SubElement(problem, "initialState")
@@ -423,7 +427,8 @@ def _signals(result: RunResult, network: RoadNetwork, remarks: list[str]) -> Map
 def map_elements(
     lanes: Sequence[ExportedLanelet], numbers: count[int], signals: MapSignals
 ) -> list[etree._Element]:
-    """The lanelets, one sign for each speed limit, and signs and lights that stand at the roads; lanelets refer to them.
+    """The lanelets, one sign for each speed limit, and signs and lights that stand at the roads;
+    lanelets refer to them.
 
     Args:
         numbers: gives the ids, which are unique in a scenario.

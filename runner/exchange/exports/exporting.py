@@ -96,7 +96,8 @@ def export_runs(
     parameters: Mapping[str, str],
     selection: Selection | None = None,
 ) -> Iterator[Exported]:
-    """Run files, distributions with every chosen set of parameters, and export the runs. Failed verdicts are runs as well."""
+    """Run files, distributions with every chosen set of parameters, and export the runs. Failed
+    verdicts are runs as well."""
     from runner.judging.execution import run
 
     module = import_module(target.module)

@@ -1,4 +1,5 @@
-"""Scenarios on their roads, for exports of documents: what the runner makes of positions, trajectories and routes."""
+"""Scenarios on their roads, for exports of documents: what the runner makes of positions,
+trajectories and routes."""
 
 from __future__ import annotations
 
@@ -95,7 +96,8 @@ class RunnerGeometry:
         return recording, scenario.storyboard.elements()
 
     def _first_time(self, node: Node, transition: Transition) -> float | None:
-        """When (s) the innermost element of the storyboard around a node first makes a transition; names may be used twice."""
+        """When (s) the innermost element of the storyboard around a node first makes a transition;
+        names may be used twice."""
         around = (
             self._numbers.get(element) for element in (node.element, *node.element.iterancestors())
         )
@@ -111,16 +113,19 @@ class RunnerGeometry:
         }
 
     def begins(self, element: Node) -> float | None:
-        """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
+        """When (s) an element of the storyboard first begins, in a run without a system under test;
+        None where it doesn't."""
         return self._first_time(element, Transition.START)
 
     def ends(self, element: Node) -> float | None:
-        """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
+        """When (s) the step is over in which an element first ends in that run; None where it
+        doesn't, or others end it."""
         time = self._first_time(element, Transition.END)
         return time + self._settings.timestep if time is not None else None
 
     def driven(self, entity: str, begin: float, end: float) -> Sequence[Vertex]:
-        """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
+        """Return the positions of an entity at each step of that run between two times (s); times
+        start at the first step."""
         track = self._whole[0].tracks.get(entity)
         if track is None:
             return []
@@ -132,8 +137,8 @@ class RunnerGeometry:
         ]
 
     def during(self, action: Node, entity: str) -> InitialState | None:
-        """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
-        absent."""
+        """Return the state of an entity at the start of a story's action; None if the action never
+        starts or the entity is absent."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
@@ -141,7 +146,8 @@ class RunnerGeometry:
         return self._state(track, row) if row < len(track.columns["time"]) else None
 
     def put(self, action: Node, entity: str) -> Vertex | None:
-        """Return the place to which an action teleports an entity in that run; None if the action never starts."""
+        """Return the place to which an action teleports an entity in that run; None if the action
+        never starts."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
@@ -205,7 +211,8 @@ class RunnerGeometry:
         actor: str | None = None,
         pose: Pose = (0.0, 0.0, 0.0, 0.0),
     ) -> Sequence[Vertex] | None:
-        """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens."""
+        """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on
+        what happens."""
         found = Trajectory.from_xml(trajectory, self._context)
         track = found.fixed
         if (
@@ -219,7 +226,8 @@ class RunnerGeometry:
         return list(_sampled(track, skip)) if track is not None else None
 
     def way(self, action: Node, entity: str) -> Sequence[Vertex]:
-        """The way along lanes that a routing action leads an entity from its start; empty where it takes that way anyway."""
+        """The way along lanes that a routing action leads an entity from its start; empty where it
+        takes that way anyway."""
         path, closed = self._path(action, entity)
         length = _LONGER * path.length + _ON
         led = self._driven(action, entity, length, AssignedRoute(path, closed, self._network))
@@ -253,7 +261,8 @@ class RunnerGeometry:
     def _driven(
         self, action: Node, name: str, length: float, guide: AssignedRoute | None
     ) -> list[Pose]:
-        """x, y, z and h along the lanes that an entity follows from its start, for a length (m) or until the road ends."""
+        """x, y, z and h along the lanes that an entity follows from its start, for a length (m) or
+        until the road ends."""
         start, entity = self.starts().get(name, InitialState()), self._context.declared[name]
         if self._network is None or start.road is None or start.pose is None:
             raise action.unsupported(
@@ -295,7 +304,8 @@ def _storyboard(document: Document) -> Iterator[etree._Element]:
 
 
 def _keep_first(scenario: Node) -> None:
-    """Take away all that goes on when a scenario has begun: entities are placed, and their first speeds set."""
+    """Take away all that goes on when a scenario has begun: entities are placed, and their first
+    speeds set."""
     storyboard = scenario.need("Storyboard")
     for child in storyboard.children("Story", "StopTrigger"):
         storyboard.element.remove(child.element)

@@ -1,4 +1,5 @@
-"""Shared parts of run exports: points fixed to an entity, rates, standstill, iteration over steps, refusals."""
+"""Shared parts of run exports: points fixed to an entity, rates, standstill, iteration over steps,
+refusals."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ Moment = tuple[float, list[tuple[int, int]]]
 
 
 def fixed_point(track: Track, x: float, y: float, z: float) -> FloatArray:
-    """World positions (n, 3) in m of a point of a participant's own frame (m from its reference point) at every row.
+    """World positions (n, 3) in m of a point of a participant's own frame (m from its reference
+    point) at every row.
 
     The frame is turned by heading, then pitch, then roll about the axes turned with it (ISO 8855).
     """
@@ -67,7 +69,8 @@ def stands(track: Track) -> bool:
 
 
 def date(result: RunResult) -> str:
-    """Date and time that the scenario's FileHeader names, to the second, without zone: the same whenever it is exported."""
+    """Date and time that the scenario's FileHeader names, to the second, without zone: the same
+    whenever it is exported."""
     return str(load(result.scenario).node.need("FileHeader").get("date"))[:19]
 
 
@@ -86,7 +89,8 @@ def moments(recording: Recording) -> Iterator[Moment]:
 
 
 def unsupported(result: RunResult, entity: str | None, message: str) -> Unsupported:
-    """An Unsupported, to be raised by the caller, at the ScenarioObject of an entity or else at the scenario's root."""
+    """An Unsupported, to be raised by the caller, at the ScenarioObject of an entity or else at the
+    scenario's root."""
     root = load(result.scenario).node
     places = [node for node in root.iter("ScenarioObject") if node.get("name", None) == entity]
     return (places or [root])[0].unsupported(message)

@@ -1,4 +1,5 @@
-"""Target `openlabel`: ASAM OpenLABEL JSON with the scenario's tags, and the box and speed of everyone in every frame.
+"""Target `openlabel`: ASAM OpenLABEL JSON with the scenario's tags, and the box and speed of
+everyone in every frame.
 
 Source: ASAM OpenLABEL 1.0.0, chapters 7 (multi-sensor data labelling) and 8 (scenario tagging).
 Cuboids are those of the bounding boxes: centre (m) and Euler angles about x, y and z (rad) in the

@@ -1,4 +1,5 @@
-"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, in the `.osi` and `.mcap` formats. Needs the extra `osi`.
+"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, in the `.osi` and `.mcap`
+formats. Needs the extra `osi`.
 
 Sources: ASAM OSI 3.8, GroundTruth, "trace file formats", TrafficCommand and TrafficUpdate.
 Positions are those of the bounding box's centre, angles and rates those of the world frame, as OSI
@@ -121,14 +122,16 @@ FATES = {
     "junctions": changed("all lanes of a junction are one lane of type intersection"), "signs": kept("`traffic_sign`"),
     "traffic lights": kept("`traffic_light`, one a lamp"), "light states": kept("`mode`"), "objects": lost(_BESIDE),
 }  # fmt: skip
-"""Fates of `runner.exchange.exports.RUN_FIELDS`; of roads those of lanes within 200 m of the participants' ways"""
+"""Fates of `runner.exchange.exports.RUN_FIELDS`; of roads those of lanes within 200 m of the
+participants' ways"""
 
 TARGETS = {"osi": "ASAM OSI ground-truth traces, .osi and .mcap"}
 FORMATS = (".osi", ".mcap")
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
-    """Write the trace of a run in both formats, named as the standard names traces, and the road file that it names.
+    """Write the trace of a run in both formats, named as the standard names traces, and the road
+    file that it names.
 
     Raises:
         UsageError: the packages for it are not installed, or a file is in the way.
@@ -141,7 +144,8 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
 
 
 def trace_name(result: RunResult, name: str, suffix: str) -> str:
-    """A trace's name as OSI wants it: start, message type, versions of OSI and protobuf, number of frames, own name.
+    """A trace's name as OSI wants it: start, message type, versions of OSI and protobuf, number of
+    frames, own name.
 
     The start is the date of the scenario's FileHeader, so that the same run always gives the same
     name.
@@ -302,7 +306,8 @@ def _assign(assignment: Any, place: tuple[int, float, float, float]) -> None:
 
 
 def _table(track: Track) -> list[list[float]]:
-    """One row for each of the track's: position, yaw, pitch, roll, velocity, acceleration, yaw, pitch and roll rate."""
+    """One row for each of the track's: position, yaw, pitch, roll, velocity, acceleration, yaw,
+    pitch and roll rate."""
     columns, time, centre = track.columns, track.columns["time"], box_centre(track)
     angles = np.column_stack(
         [np.unwrap(columns[name].astype(float)) for name in ("h", "pitch", "roll")]

@@ -1,4 +1,5 @@
-"""Lanes near a run, and logical lanes with reference lines of OSI ground truth, from OpenDRIVE roads.
+"""Lanes near a run, and logical lanes with reference lines of OSI ground truth, from OpenDRIVE
+roads.
 
 Sources: ASAM OSI 3.8, ReferenceLine, LogicalLaneBoundary and LogicalLane. A lane of a lane section
 is a logical lane, also in junctions; its reference line is that of its road, with OpenDRIVE's s and
@@ -73,7 +74,8 @@ def around(network: RoadNetwork, nearby: Nearby) -> list[ExportedLanelet]:
 
 
 _LOGICAL_CLOSE, _SPACING = 0.02, 2.0
-"""m by which lines of fewer points may be off, and greatest distance (m) of the points that they are chosen from"""
+"""m by which lines of fewer points may be off, and greatest distance (m) of the points that they
+are chosen from"""
 _TYPES = {
     "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
     "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "CURB", "shoulder": "SHOULDER",
@@ -130,7 +132,8 @@ class LogicalLanes:
             getattr(message, field).MergeFrom(getattr(self._messages, field))
 
     def assignments(self, track: Track) -> list[tuple[int, float, float, float] | None]:
-        """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to it (rad); None off lanes."""
+        """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to
+        it (rad); None off lanes."""
         found: list[tuple[int, float, float, float] | None] = []
         hint = None
         heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()
@@ -268,7 +271,8 @@ def _fill_limit(lane: Any, limit: float) -> None:
 
 
 def _inner(key: Key) -> Key:
-    """The border on the inner side of a lane, as the lane whose outer border it is; 0 is the middle."""
+    """The border on the inner side of a lane, as the lane whose outer border it is; 0 is the
+    middle."""
     road_id, section, lane = key
     return road_id, section, lane + (1 if lane < 0 else -1)
 
@@ -282,7 +286,8 @@ def _stations(road: Road, section: Any) -> list[float]:
 
 
 def _needed(points: np.ndarray) -> list[int]:
-    """Rows of a line, x, y, z and s, that are needed: its ends, and those between which x, y and z are linear in s."""
+    """Rows of a line, x, y, z and s, that are needed: its ends, and those between which x, y and z
+    are linear in s."""
     kept, pending = {0, len(points) - 1}, [(0, len(points) - 1)]
     while pending:
         first, last = pending.pop()

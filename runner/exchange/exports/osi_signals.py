@@ -46,7 +46,8 @@ _SIGN_TYPES = {
     "308": "PRIORITY_OVER_OPPOSITE_DIRECTION", "310": "TOWN_BEGIN", "311": "TOWN_END", "325": "LIVING_STREET_BEGIN",
     "326": "LIVING_STREET_END", "330": "HIGHWAY_BEGIN", "331": "EXPRESSWAY_BEGIN", "350": "ZEBRA_CROSSING",
 }  # fmt: skip
-"""OSI's sign types by the number of the sign, German and of country OpenDRIVE; all others are `OTHER`, with their code."""
+"""OSI's sign types by the number of the sign, German and of country OpenDRIVE; all others are
+`OTHER`, with their code."""
 _GERMAN = {"", "OPENDRIVE", "DE", "DEU", "GERMANY"}
 _COUNTRIES = {"DEU": "DE", "GERMANY": "DE", "USA": "US"}
 _UNITS = {
@@ -65,7 +66,8 @@ _LAMP = 0.3
 
 
 def link_at(history: Sequence[tuple[float, str]], time: float) -> str | None:
-    """Link state of a light at a time (s), as in `LIT`; None where it has no state, or one that is not understood."""
+    """Link state of a light at a time (s), as in `LIT`; None where it has no state, or one that is
+    not understood."""
     index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
     return link_state(history[index][1]) if index >= 0 else None
 

@@ -1,4 +1,5 @@
-"""Target `parquet`: tables of a run: trajectories (as by `xosc-run --out`), participants, events, criticality, tags.
+"""Target `parquet`: tables of a run: trajectories (as by `xosc-run --out`), participants, events,
+criticality, tags.
 
 The road file is beside them, whole; the table of participants names it, with its projection and the
 offset of its header, in the metadata of its schema.
@@ -106,7 +107,8 @@ def _write_events(events: Sequence[LogEntry], path: Path) -> None:
 
 
 def _write_tags(tags: list[Tag], path: Path) -> None:
-    """One row a tag: type, value (numbers and lists as text; null where the type says all), ontology."""
+    """One row a tag: type, value (numbers and lists as text; null where the type says all),
+    ontology."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,5 @@
-"""Target `sumo`: the network, everyone's route, a configuration to start from, and the run itself as FCD output.
+"""Target `sumo`: the network, everyone's route, a configuration to start from, and the run itself
+as FCD output.
 
 Frames: SUMO's positions are those of the middle of the front bumper, its angles degrees clockwise
 from north. Times and places of the FCD file are those of the run; a simulation of the routes moves
@@ -52,7 +53,8 @@ _Places = Sequence[_Place | None]
 
 
 class _Roads(NamedTuple):
-    """Roads of a network file: length (m) and speed limit (m/s) of each lane, and successors of each edge."""
+    """Roads of a network file: length (m) and speed limit (m/s) of each lane, and successors of
+    each edge."""
 
     lengths: dict[str, float]
     limits: dict[str, float]
@@ -203,7 +205,8 @@ _LIGHTS = {
 
 
 def _programs(result: RunResult, net: SumoNet, network: etree._Element) -> etree._Element:
-    """A program for each traffic light that the run has switched: its phases are the states between two changes.
+    """A program for each traffic light that the run has switched: its phases are the states between
+    two changes.
 
     Links without a state are off: the junction's right of way holds.
     """
@@ -247,7 +250,8 @@ def _routes(
     roads: _Roads,
     ego: str | None,
 ) -> tuple[etree._Element, list[str]]:
-    """Vehicle types, and the vehicles in the order of departure, as SUMO requires; vehicles without a route."""
+    """Vehicle types, and the vehicles in the order of departure, as SUMO requires; vehicles without
+    a route."""
     root, remarks, vehicles = etree.Element("routes"), [], []
     for track, name, way in zip(tracks, ids, places, strict=True):
         edges, first = _edges(way), way[0]

@@ -1,4 +1,5 @@
-"""The road of an OSI trace: attached, named, beside it, or drawn from its lanes; and a trace with it, for replays.
+"""The road of an OSI trace: attached, named, beside it, or drawn from its lanes; and a trace with
+it, for replays.
 
 Source: ASAM OSI 3.8, Lane and LaneBoundary. Left, right, antecessor and successor of a lane go by
 the order of its centre line; `centerline_is_driving_direction` says whether traffic goes that way.
@@ -264,7 +265,8 @@ class _Lanes:
         )
 
     def _is_right(self, name: str, other: str) -> bool:
-        """Whether another lane lies to the right of a lane over its whole length, leading the same way."""
+        """Whether another lane lies to the right of a lane over its whole length, leading the same
+        way."""
         one, two = self.made[name], self.made[other]
         shared = self._sides[name][1] and self._sides[name][1] == self._sides[other][0]
         a, b = middle(one.left, one.right), middle(two.left, two.right)
@@ -281,7 +283,8 @@ class _Lanes:
         return True
 
     def _share(self, name: str, right: str) -> None:
-        """Give two neighbours one bound between them where each was given its own by the usual width."""
+        """Give two neighbours one bound between them where each was given its own by the usual
+        width."""
         if self._sides[name][1] or self._sides[right][0]:
             return
         line = middle(self.made[name].right, self.made[right].left)
@@ -365,7 +368,8 @@ def _meets(one: Lanelet, other: Lanelet) -> bool:
 
 
 def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
-    """A bound from the end of one line to the start of another one, in their directions (cubic Hermite)."""
+    """A bound from the end of one line to the start of another one, in their directions (cubic
+    Hermite)."""
     start, end = before[-1], after[0]
     reach = float(np.hypot(*(end - start)))
     ways = [

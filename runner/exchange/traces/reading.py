@@ -57,7 +57,8 @@ _SIZES = {
 }
 """Length, width and height (m) where a trace gives none"""
 _REAR = 0.3
-"""Distance of the rear axle behind the centre of a vehicle in lengths of it, where a trace does not say"""
+"""Distance of the rear axle behind the centre of a vehicle in lengths of it, where a trace does not
+say"""
 
 
 class LeftOut(NamedTuple):
@@ -247,7 +248,8 @@ class _Collected:
 
 
 def _together(remarks: list[str]) -> list[str]:
-    """The remarks, each once; those of several objects name the first one and say how many there are."""
+    """The remarks, each once; those of several objects name the first one and say how many there
+    are."""
     of: dict[str, list[str]] = {}
     for remark in remarks:
         who, parted, what = remark.partition(": ")
@@ -433,7 +435,8 @@ _STANDING = 0.5
 
 
 def _of_motion(vx: FloatArray, vy: FloatArray) -> FloatArray:
-    """Direction of motion (rad); while standing that of the last motion, before the first that of the first."""
+    """Direction of motion (rad); while standing that of the last motion, before the first that of
+    the first."""
     moves = np.hypot(vx, vy) >= _STANDING
     if not moves.any():
         return np.zeros(len(vx))

@@ -1,4 +1,5 @@
-"""Parts of a profile of a test protocol: tests, their criteria, and points where the protocol states a rule.
+"""Parts of a profile of a test protocol: tests, their criteria, and points where the protocol
+states a rule.
 
 A profile is data: a module in `runner.judging.assessment.profiles` that assigns an
 `AssessmentProfile` to `PROFILE`, and a line about it to `SUMMARY`. A rule that is not public has no
@@ -215,7 +216,8 @@ class SpeedReduction:
 
 @dataclass(frozen=True)
 class CutIn:
-    """A contact is a failure if the other vehicle cut in early enough: TTC > Δv/(2·`deceleration`) + `reaction`.
+    """A contact is a failure if the other vehicle cut in early enough: TTC > Δv/(2·`deceleration`)
+    + `reaction`.
 
     The TTC is that of the instant at which the other vehicle is `depth` inside the ego's lane.
 
@@ -254,7 +256,8 @@ class CutIn:
         )
 
     def _intrusion(self, run: RunResult, contact: FirstContact) -> tuple[float, float] | str:
-        """TTC (s) and closing speed (m/s) when the other vehicle intrudes into the ego's lane; or why there are none."""
+        """TTC (s) and closing speed (m/s) when the other vehicle intrudes into the ego's lane; or
+        why there are none."""
         recording = run.recording.locate()
         network, ego, other = (
             recording.network,
@@ -297,7 +300,8 @@ def _told(contact: FirstContact) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A quantity that the table shows of each run: the first of the parameters that the scenario has."""
+    """A quantity that the table shows of each run: the first of the parameters that the scenario
+    has."""
 
     title: str
     parameters: tuple[str, ...]

@@ -1,4 +1,5 @@
-"""Criteria: their registry, their findings, and those that a scenario declares in its stop triggers, as for CARLA."""
+"""Criteria: their registry, their findings, and those that a scenario declares in its stop
+triggers, as for CARLA."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 
 class CriterionFinding(NamedTuple):
-    """A criterion's answer. passed: None where it can't be judged. value: what it measured, None where nothing was."""
+    """A criterion's answer. passed: None where it can't be judged. value: what it measured, None
+    where nothing was."""
 
     passed: bool | None
     value: float | None
@@ -64,7 +66,8 @@ class Contact(NamedTuple):
 
 
 LightStates = Mapping[str, list[tuple[float, str]]]
-"""For each traffic signal that had a state: since when (s, ascending) which, in the terms of the scenario."""
+"""For each traffic signal that had a state: since when (s, ascending) which, in the terms of the
+scenario."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,8 @@ class Drive:
         return np.hypot(np.diff(self.columns["x"]), np.diff(self.columns["y"]))
 
     def at(self, ahead: float, left: float) -> tuple[np.ndarray, np.ndarray]:
-        """World positions (n,) of the point that is so far ahead and to the left of the reference point, m."""
+        """World positions (n,) of the point that is so far ahead and to the left of the reference
+        point, m."""
         columns = self.columns
         cos, sin = np.cos(columns["h"]), np.sin(columns["h"])
         return columns["x"] + ahead * cos - left * sin, columns["y"] + ahead * sin + left * cos
@@ -168,7 +172,8 @@ def criterion(
 
 @cache
 def kinds() -> dict[str, CriterionKind]:
-    """All criteria by their name in lower case: scenario_runner's documentation and its code differ in letters."""
+    """All criteria by their name in lower case: scenario_runner's documentation and its code differ
+    in letters."""
     load("runner.judging.criteria.kinds")
     return dict(sorted(_registered.items()))
 
@@ -271,7 +276,8 @@ def _find(
 
 
 def light_states(events: Iterable[tuple[float, str, str]]) -> Mapping[str, list[tuple[float, str]]]:
-    """States of traffic signals by signal, from the times (s), signals and states of all changes in ascending time."""
+    """States of traffic signals by signal, from the times (s), signals and states of all changes in
+    ascending time."""
     states: dict[str, list[tuple[float, str]]] = {}
     for time, signal, state in events:
         states.setdefault(signal, []).append((time, state))
@@ -350,7 +356,8 @@ def _read(condition: Node) -> Criterion:
 def _values(
     parameter: Node, kind: CriterionKind, reference: str, text: str
 ) -> dict[str, float | None]:
-    """Values by parameter: in their order, from the one on that parameterRef names; an empty one with a name means 0."""
+    """Values by parameter: in their order, from the one on that parameterRef names; an empty one
+    with a name means 0."""
     names = list(kind.parameters)
     names = names[names.index(reference) if reference in names else 0 :]
     texts = [one for one in _SEPARATORS.split(text.strip()) if one] or (["0"] if reference else [])

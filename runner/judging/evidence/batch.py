@@ -1,7 +1,7 @@
 """Verdicts and measures of many runs that were played at once.
 
-A failure counts once the interpreter has played it again. Evidence is counted as in `rows`; runs with
-rare kinds of evidence stay open, for the interpreter.
+A failure counts once the interpreter has played it again. Evidence is counted as in `rows`; runs
+with rare kinds of evidence stay open, for the interpreter.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ class BatchOutcomes:
         return RunMeasures.joined(parts)
 
     def _kept(self, name: str, first: int, last: int, steps: int) -> tuple[FloatArray, IntArray]:
-        """Values (7, k, steps) and keys of roads (k, steps) of a participant in the runs of a range, as far as it lasts."""
+        """Values (7, k, steps) and keys of roads (k, steps) of a participant in the runs of a
+        range, as far as it lasts."""
         number = self.names.index(name)
         shape = last - first, steps
         values, roads = np.zeros((len(_FRAME), *shape)), np.zeros(shape, np.int64)
@@ -132,7 +133,8 @@ class BatchOutcomes:
     def _rows(
         self, name: str, first: int, last: int, sizes: IntArray, codes: Mapping[str, int]
     ) -> MotionRows:
-        """Rows of a participant in the runs of a range, one after the other, with codes of roads for their ids."""
+        """Rows of a participant in the runs of a range, one after the other, with codes of roads
+        for their ids."""
         steps = np.arange(int(sizes.max()))
         values, roads = self._kept(name, first, last, len(steps))
         there = steps < sizes[:, None]

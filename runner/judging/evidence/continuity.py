@@ -1,4 +1,5 @@
-"""Continuity of motion: limits of the Performance, heights, participants that vanish or jump, the end of a run.
+"""Continuity of motion: limits of the Performance, heights, participants that vanish or jump, the
+end of a run.
 
 A run says little about participants that move as no vehicle does, that are taken away before the
 ego reaches them, or that the end of the run leaves a moment before a contact.
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
 _TOLERANCE = 1.01
 """Share of a limit of the Performance above which it is exceeded"""
 _SUSTAINED = 0.5
-"""Time (s) for which an acceleration must last: a change within a step is a change of state, and has none"""
+"""Time (s) for which an acceleration must last: a change within a step is a change of state, and
+has none"""
 APPROACH = 5.0
-"""Time (s) within which the ego and another would touch at their velocities: the ego approaches it"""
+"""Time (s) within which the ego and another would touch at their velocities: the ego approaches it
+"""
 _ALOFT = 5.0
 """Height (m) above or below the road's surface at which nothing stands on it"""
 _ASTRAY = 5.0
@@ -51,7 +54,8 @@ class PredictedContact(NamedTuple):
 
     @property
     def reserve(self) -> float:
-        """Greatest deceleration of tyres, as a multiple of the least one that avoids it; below 1 none does."""
+        """Greatest deceleration of tyres, as a multiple of the least one that avoids it; below 1
+        none does."""
         needed = self.speed / (2.0 * self.after) if self.after > 0.0 else math.inf
         return GREATEST_DECELERATION / needed if needed else math.inf
 
@@ -62,7 +66,8 @@ _NEVER = PredictedContact(math.inf, 0.0, "")
 def beyond_performance(
     scenario: Scenario, recording: Recording, ego: Entity | None
 ) -> Iterator[str]:
-    """Sentences on participants faster than their Performance, an ego that changes its speed faster or jumps.
+    """Sentences on participants faster than their Performance, an ego that changes its speed faster
+    or jumps.
 
     Others may: `SynchronizeAction`, whose purpose is to arrive in time, is bounded by no
     Performance.
@@ -106,7 +111,8 @@ def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[str]
 
 
 def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
-    """Sentences on participants that begin far above or below the road, or whose box is not about them."""
+    """Sentences on participants that begin far above or below the road, or whose box is not about
+    them."""
     for track in recording.tracks.values():
         entity = scenario.entities.get(track.name)
         if entity is None or not len(track.columns["time"]):
@@ -144,7 +150,8 @@ def _height(track: Track, network: RoadNetwork | None) -> float:
 def interrupted(
     scenario: Scenario, recording: Recording, ego: Entity | None, end: float
 ) -> Mapping[str, str]:
-    """Sentences by name on an ego that was taken away, and on encounters with it that vanishing or a jump ended.
+    """Sentences by name on an ego that was taken away, and on encounters with it that vanishing or
+    a jump ended.
 
     Args:
         end: time of the run's last row, s.
@@ -210,7 +217,8 @@ def contact_after(own: Track, other: Track, time: float) -> PredictedContact:
 
 
 def next_contact(own: tuple[Spot, float], other: tuple[Spot, float], name: str) -> PredictedContact:
-    """The contact of two boxes that keep their headings and speeds (m/s), the other one of that name."""
+    """The contact of two boxes that keep their headings and speeds (m/s), the other one of that
+    name."""
     (a, va), (b, vb) = own, other
     if vertical_gap(a, b) > 0.0:
         return _NEVER

@@ -1,4 +1,5 @@
-"""Progress of a storyboard: the events that a run had to bring, those that started, and why others did not."""
+"""Progress of a storyboard: the events that a run had to bring, those that started, and why others
+did not."""
 
 from __future__ import annotations
 
@@ -51,14 +52,16 @@ def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:
-    """A sentence on events that waited when the storyboard ended the run, neither by the time alone nor by a mishap."""
+    """A sentence on events that waited when the storyboard ended the run, neither by the time alone
+    nor by a mishap."""
     mishap = any(timed.condition.mishap for timed in _fired(sim))
     if sim.finished and not mishap and not out_of_time(sim) and first_event(sim) < math.inf:
         yield from left_out(sim)
 
 
 def ended_idle(sim: Simulation) -> bool:
-    """Whether the stories ended the run, without an event that acts and without the stop trigger of an act."""
+    """Whether the stories ended the run, without an event that acts and without the stop trigger of
+    an act."""
     acts = sim.storyboard.acts
     acted = any(
         Transition.START in event.first and not _acts_on_nothing(event)
@@ -85,7 +88,8 @@ def left_out(sim: Simulation) -> Iterator[str]:
 
 
 def endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
-    """A sentence on an action of others whose end the stop trigger waits for, where a limit of the run came first."""
+    """A sentence on an action of others whose end the stop trigger waits for, where a limit of the
+    run came first."""
     trigger = sim.storyboard.stop_trigger
     if sim.finished or trigger is None:
         return
@@ -97,7 +101,8 @@ def endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
 
 
 def unmet(sim: Simulation) -> Iterator[str]:
-    """A sentence on an element that never started and that the stop trigger waits for in each of its groups."""
+    """A sentence on an element that never started and that the stop trigger waits for in each of
+    its groups."""
     trigger = sim.storyboard.stop_trigger
     if sim.finished or trigger is None:
         return
@@ -111,7 +116,8 @@ def unmet(sim: Simulation) -> Iterator[str]:
 
 
 def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) -> Element | None:
-    """The element that has not started, of a sound run, and whose state a group of conditions waits for."""
+    """The element that has not started, of a sound run, and whose state a group of conditions waits
+    for."""
     for timed in group:
         condition = timed.condition
         if isinstance(condition, StoryboardElementStateCondition):
@@ -123,7 +129,8 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
 
 
 def without_effect(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events have empty actions and custom commands alone, without effect here."""
+    """A sentence on a storyboard whose events have empty actions and custom commands alone, without
+    effect here."""
     events = [event for act in sim.storyboard.acts for event in act.events]
     named = [event for event in events if event.actions and _is_without_effect(event)]
     others = [event for event in events if not _acts_on_nothing(event)]
@@ -177,7 +184,8 @@ def scene_events(sim: Simulation) -> list[Event]:
 
 
 def mishap_awaited(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events wait for a contact, and for nothing else, where none has started."""
+    """A sentence on a storyboard whose events wait for a contact, and for nothing else, where none
+    has started."""
     events = [event for act in sim.storyboard.acts for event in act.events]
     if scene_events(sim) or any(Transition.START in event.first for event in events):
         return
@@ -222,7 +230,8 @@ def _act_of(event: Event) -> Act:
 
 
 def _waits(event: Event, sim: Simulation) -> bool:
-    """Whether an event waited when the run ended: neither skipped nor stopped before, not about to start, of this variant."""
+    """Whether an event waited when the run ended: neither skipped nor stopped before, not about to
+    start, of this variant."""
     if any(_never(trigger, sim) for trigger in (event.trigger, _act_of(event).trigger)):
         return False
     groups = event.trigger.groups if event.trigger is not None else []
@@ -261,7 +270,8 @@ def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:
 
 
 def out_of_time(sim: Simulation) -> bool:
-    """Whether a limit of time ended the run: that of the run, or a stop trigger by the simulation time alone."""
+    """Whether a limit of time ended the run: that of the run, or a stop trigger by the simulation
+    time alone."""
     fired = _fired(sim)
     return not sim.finished or (
         bool(fired) and all(isinstance(timed.condition, SimulationTimeCondition) for timed in fired)
@@ -283,7 +293,8 @@ def first_event(sim: Simulation) -> float:
 
 
 def idle(awaited: list[Event], sim: Simulation) -> str:
-    """Sentence on events that have not started: what ended the run, and what the first of them waited for."""
+    """Sentence on events that have not started: what ended the run, and what the first of them
+    waited for."""
     first = awaited[0]
     act = _act_of(first)
     waiting = act.trigger if Transition.START not in act.first else first.trigger

@@ -589,7 +589,8 @@ def _presence(run: Observed) -> Count | None:
 
 
 _LARGEST_RESERVE = 1000.0
-"""Largest value of `reserve`: a contact that hardly any braking avoids gives a number without end"""
+"""Largest value of `reserve`: a contact that hardly any braking avoids gives a number without end
+"""
 
 
 @_row(

@@ -1,4 +1,5 @@
-"""Footprints that meet: post-encroachment time, first contact, and braking that would have avoided a contact.
+"""Footprints that meet: post-encroachment time, first contact, and braking that would have avoided
+a contact.
 
 Post-encroachment time, Allen, Shin and Cooper (1978): footprints of both participants at different
 times are compared; of those that overlap the ones least apart in time count. For crossing paths
@@ -38,7 +39,8 @@ _SLACK = 1e-3
 def post_encroachment_time(
     ego: MotionRows, others: Sequence[MotionRows], longest: float = LONGEST_PET
 ) -> Extreme | None:
-    """Least time between the ego leaving a place and another one reaching it, or the other way round.
+    """Least time between the ego leaving a place and another one reaching it, or the other way
+    round.
 
     Args:
         longest: the time above which there is no encounter, s.
@@ -86,7 +88,8 @@ def _least(
 
 
 def _instants(time: FloatArray, step: float, who: IntArray) -> tuple[IntArray, IntArray]:
-    """Instants on a grid of this step (s), as multiples of it, and their rows: the first of each participant at each."""
+    """Instants on a grid of this step (s), as multiples of it, and their rows: the first of each
+    participant at each."""
     ticks = np.round(time / step).astype(np.int64)
     again = np.diff(ticks, prepend=ticks[:1] - 1) == 0
     again[1:] &= who[1:] == who[:-1]
@@ -243,7 +246,8 @@ def manner(ego: MotionRows, other: MotionRows, now: View, before: View) -> Manne
 
 
 def _point(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
-    """Middle of the overlap of two boxes at an instant (s), ahead of the middle of the ego's box and to its left, m."""
+    """Middle of the overlap of two boxes at an instant (s), ahead of the middle of the ego's box
+    and to its left, m."""
     own, its = (
         _outline(motion, int(np.argmin(np.abs(motion.time - time)))) for motion in (ego, other)
     )
@@ -261,14 +265,16 @@ def _outline(motion: MotionRows, row: int) -> shapely.Polygon:
 
 
 def _closing_time(gap: FloatArray, closing: FloatArray) -> FloatArray:
-    """Times (s) in which signed gaps close, 0 where there is none; infinite where one does not close."""
+    """Times (s) in which signed gaps close, 0 where there is none; infinite where one does not
+    close."""
     closes = (np.abs(closing) > _STILL) & (gap * closing > 0.0)
     endless = np.where(gap == 0.0, 0.0, np.inf)
     return np.divide(gap, closing, out=endless, where=closes)
 
 
 def _bearing(ego: MotionRows, other: MotionRows) -> tuple[FloatArray, FloatArray]:
-    """The other's centre as the ego sees it, ahead and to the left, in half lengths and widths of both, row by row."""
+    """The other's centre as the ego sees it, ahead and to the left, in half lengths and widths of
+    both, row by row."""
     c, s = ego.facing
     dx, dy = other.x - ego.x, other.y - ego.y
     ahead, aside = dx * c + dy * s, dy * c - dx * s
@@ -288,14 +294,16 @@ _HALVINGS = 12
 
 @dataclass(frozen=True)
 class Conflict:
-    """A participant, the other one that it touches, and the row of the participant at which it does."""
+    """A participant, the other one that it touches, and the row of the participant at which it
+    does."""
 
     ego: MotionRows
     other: MotionRows
     row: int
 
     def latest(self, deceleration: float) -> float | None:
-        """The latest instant (s) from which constant braking (m/s²) avoids the contact; None where none of the last 10 s does."""
+        """The latest instant (s) from which constant braking (m/s²) avoids the contact; None where
+        none of the last 10 s does."""
         stride = max(1, round(_BRAKING_STEP / _timestep(self.ego)))
         first = int(np.searchsorted(self.ego.time, self.ego.time[self.row] - _LONGEST))
         rows = range(self.row - 1, first - 1, -stride)
@@ -304,7 +312,8 @@ class Conflict:
         )
 
     def least(self, time: float) -> float | None:
-        """The least constant braking (m/s²) from an instant (s) on that avoids the contact; None if it is beyond grip."""
+        """The least constant braking (m/s²) from an instant (s) on that avoids the contact; None if
+        it is beyond grip."""
         row = int(np.searchsorted(self.ego.time, time - 1e-6))
         if row >= self.row or not self._avoids(row, GREATEST_DECELERATION):
             return None
@@ -315,7 +324,8 @@ class Conflict:
         return high
 
     def _avoids(self, row: int, deceleration: float) -> bool:
-        """Whether no contact comes of constant braking from a row on, until the ego stands and the other's record has ended."""
+        """Whether no contact comes of constant braking from a row on, until the ego stands and the
+        other's record has ended."""
         begin, speed = float(self.ego.time[row]), abs(float(self.ego.speed[row]))
         standing = speed / max(deceleration, 1e-3)
         end = max(begin + min(standing, 2 * _LONGEST), float(self.other.time[-1]))
@@ -326,7 +336,8 @@ class Conflict:
 
 
 def _along(motion: MotionRows, row: int, way: FloatArray) -> MotionRows:
-    """A participant on its own path, so far (m) from where it is at a row; straight on where the path has ended."""
+    """A participant on its own path, so far (m) from where it is at a row; straight on where the
+    path has ended."""
     x, y = motion.x[row:], motion.y[row:]
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     moving = np.concatenate([[True], np.diff(driven) > 0.0])

@@ -49,12 +49,14 @@ def time_to_collision(gap: FloatArray, closing: FloatArray) -> Series:
 
 
 def time_headway(gap: FloatArray, speed: FloatArray) -> Series:
-    """gap / own speed, while driving: the time after which the ego's front is where the lead's rear is now."""
+    """gap / own speed, while driving: the time after which the ego's front is where the lead's rear
+    is now."""
     return _quotient(gap, speed, speed > _STILL)
 
 
 def deceleration_to_avoid_crash(gap: FloatArray, closing: FloatArray) -> Series:
-    """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that keeps its speed."""
+    """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that
+    keeps its speed."""
     return _quotient(closing**2, 2.0 * gap, (closing > _STILL) & (gap > 0.0))
 
 
@@ -166,12 +168,14 @@ class Criticality:
 
     @cached_property
     def pet(self) -> Extreme | None:
-        """Post-encroachment time, its least value over all others; worked out when asked for, it costs more than the rest."""
+        """Post-encroachment time, its least value over all others; worked out when asked for, it
+        costs more than the rest."""
         return post_encroachment_time(*self._motions)
 
     @cached_property
     def risk_field(self) -> tuple[Extreme, ...]:
-        """Greatest collision probability and greatest strength of the risk field over all entities; empty without any."""
+        """Greatest collision probability and greatest strength of the risk field over all entities;
+        empty without any."""
         return tuple(greatest(*self._motions))
 
     @cached_property
@@ -189,14 +193,16 @@ class Criticality:
 
     @property
     def conflict(self) -> float | None:
-        """Time (s) of the first contact, else of the shortest distance; None without another entity."""
+        """Time (s) of the first contact, else of the shortest distance; None without another
+        entity."""
         if self.impact is not None:
             return self.impact.time
         nearest = least(self.distance, self.nearest, self.time)
         return nearest.time if nearest is not None else None
 
     def risk_before(self, parameters: str, until: float, window: float) -> float:
-        """Share of a time window (s) that ends at an instant (s) in which RSS is violated, by parameter set.
+        """Share of a time window (s) that ends at an instant (s) in which RSS is violated, by
+        parameter set.
 
         The window is as long for every run: time before the run's beginning counts as safe.
         """
@@ -222,12 +228,14 @@ class Criticality:
         }
 
     def risk(self, parameters: str) -> float | None:
-        """R_risk: share of the active instants at which RSS is violated, by parameter set; None without active instants."""
+        """R_risk: share of the active instants at which RSS is violated, by parameter set; None
+        without active instants."""
         return float(self.violation[parameters][self.active].mean()) if self.active.any() else None
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """All measures of the run by name (`runner.judging.measures.measure`), extremes as `Extreme._asdict`; None for undefined ones."""
+        """All measures of the run by name (`runner.judging.measures.measure`), extremes as
+        `Extreme._asdict`; None for undefined ones."""
         found = {name: measure.of(self) for name, measure in measures().items()}
         return {
             name: value._asdict() if isinstance(value, Extreme) else value

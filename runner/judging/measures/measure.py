@@ -1,4 +1,5 @@
-"""Criticality measures of a run: what each one means, their registry, and limits on them by which runs fail (`--fail-if`).
+"""Criticality measures of a run: what each one means, their registry, and limits on them by which
+runs fail (`--fail-if`).
 
 A limit is a measure and a number, as `min_ttc<1`, or one of `EVENTS`.
 
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 
 GREATEST_DECELERATION = 9.81
-"""Deceleration (m/s²) beyond which tyres on a dry road do not brake: a coefficient of friction of 1"""
+"""Deceleration (m/s²) beyond which tyres on a dry road do not brake: a coefficient of friction of 1
+"""
 LONGEST_PET = 10.0
 """Post-encroachment times above this (s) are no encounter"""
 
@@ -53,7 +55,8 @@ class Extreme(NamedTuple):
 
 
 def least(series: Series, other: NDArray[np.object_], time: FloatArray) -> Extreme | None:
-    """The least value of a series where it is defined, the first of equal ones; None where it is never defined."""
+    """The least value of a series where it is defined, the first of equal ones; None where it is
+    never defined."""
     return (
         _pick(series, other, time, int(series.value[series.valid].argmin()))
         if series.valid.any()
@@ -62,7 +65,8 @@ def least(series: Series, other: NDArray[np.object_], time: FloatArray) -> Extre
 
 
 def greatest(series: Series, other: NDArray[np.object_], time: FloatArray) -> Extreme | None:
-    """The greatest value of a series where it is defined, the first of equal ones; None where it is never defined."""
+    """The greatest value of a series where it is defined, the first of equal ones; None where it is
+    never defined."""
     return (
         _pick(series, other, time, int(series.value[series.valid].argmax()))
         if series.valid.any()
@@ -113,7 +117,8 @@ class RunMeasure(ABC):
     greatest: ClassVar[float] = math.inf
 
     def defined(self, run: Any) -> float:
-        """Share of the ego's time in which it was defined, or would have been had there been reason; see `validity`.
+        """Share of the ego's time in which it was defined, or would have been had there been
+        reason; see `validity`.
 
         By default the share in which another participant was there.
         """
@@ -121,7 +126,8 @@ class RunMeasure(ABC):
 
     @abstractmethod
     def of(self, run: Any) -> Extreme | float | None:
-        """The measure of a run, given as its `runner.judging.measures.criticality.Criticality`; None where it is not defined."""
+        """The measure of a run, given as its `runner.judging.measures.criticality.Criticality`;
+        None where it is not defined."""
 
     def sentence(self, found: Mapping[str, Any] | float) -> str:
         """A value of `Criticality.summary` in words, for the reasons of verdicts."""
@@ -172,7 +178,8 @@ def _of_plugins() -> dict[str, RunMeasure]:
 
 
 def measures() -> dict[str, RunMeasure]:
-    """All measures by name, in the order of their families and of their places in these; then those of installed packages.
+    """All measures by name, in the order of their families and of their places in these; then those
+    of installed packages.
 
     Packages name modules of measures by the entry-point group `xosc.measure`. --untrusted leaves
     them out.
@@ -194,12 +201,15 @@ def units() -> dict[str, str]:
 _RSS = "rss_risk_ad_rss"
 """Measure that `rss` stands for"""
 NEW_FAILURE = "new-failure"
-"""Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier one does not have"""
+"""Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier
+one does not have"""
 UNITS = {name: measure.unit for name, measure in _own().items()} | {"end_time": "s"}
-"""Measures of a run by name, without those of plug-ins, and their units; see `runner.judging.measures.measure` and `RunResult`."""
+"""Measures of a run by name, without those of plug-ins, and their units; see
+`runner.judging.measures.measure` and `RunResult`."""
 EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
-"""Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time
-limit is reached first; RSS distances (parameter set `ad-rss`) are violated."""
+"""Limits without a number, each with the kind of its event in the log: the ego leaves the road or
+reaches its end; the time limit is reached first; RSS distances (parameter set `ad-rss`) are
+violated."""
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le, "<": operator.lt, ">=": operator.ge, ">": operator.gt,
 }  # fmt: skip

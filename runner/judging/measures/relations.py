@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from runner.recording import Track
 
 STEEPEST = 0.3
-"""Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
+"""Rise per distance between two boxes from which they are on different levels (a bridge): steeper
+than any road"""
 _BLOCK = 1 << 16
 """Rows of others that are looked at together, about: arrays of them fit into caches"""
 
@@ -112,7 +113,8 @@ _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
 
 @lru_cache(maxsize=1)  # several measures of one scene ask for it
 def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
-    """The rows of several participants, one participant after the other, and which one each row is of."""
+    """The rows of several participants, one participant after the other, and which one each row is
+    of."""
     sizes = [len(motion.time) for motion in motions]
     boxes = BoundingBox(
         *np.repeat(np.array([motion.box for motion in motions], np.float64).T, sizes, axis=1)
@@ -192,7 +194,8 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
 def common(
     ego: MotionRows, others: tuple[MotionRows, ...]
 ) -> tuple[MotionRows, MotionRows, IntArray, IntArray, IntArray]:
-    """Return ego and others at their common instants, the rows of both, and the index of the other one by row."""
+    """Return ego and others at their common instants, the rows of both, and the index of the other
+    one by row."""
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
     return (
@@ -271,7 +274,8 @@ def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Float
 
 
 def on_road_view(ego: _OnRoad, other: _OnRoad) -> View:
-    """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
+    """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the
+    road."""
     (a, side, drift), (b, other_side, other_drift) = ego, other
     low_a, high_a, right_a, left_a = _extent(a, side)
     low_b, high_b, right_b, left_b = _extent(b, other_side)

@@ -58,7 +58,8 @@ class FieldParameters:
 
 
 _erfc = np.frompyfunc(math.erfc, 1, 1)
-"""Complementary error function; few instants are asked for, and SciPy's would take longer to import than a run"""
+"""Complementary error function; few instants are asked for, and SciPy's would take longer to import
+than a run"""
 _TOGETHER = 6
 """Look-ahead times that have one rough bound"""
 _SLACK = 1e-6
@@ -104,7 +105,8 @@ def risk_field(ego: MotionRows, other: MotionRows, parameters: FieldParameters =
 def greatest(
     ego: MotionRows, others: Sequence[MotionRows], parameters: FieldParameters = DEFAULTS
 ) -> list[Extreme]:
-    """The greatest probability and the greatest risk of the fields of all others; none without others.
+    """The greatest probability and the greatest risk of the fields of all others; none without
+    others.
 
     Of equal values those of the first participant, and of its first instant, count.
     """
@@ -128,7 +130,8 @@ def greatest(
 
 
 class _Approach(NamedTuple):
-    """Motion of another entity relative to the ego: ahead and aside (n,), m and m/s; half: half of both sizes, m."""
+    """Motion of another entity relative to the ego: ahead and aside (n,), m and m/s; half: half of
+    both sizes, m."""
 
     place: tuple[FloatArray, FloatArray]
     velocity: tuple[FloatArray, FloatArray]
@@ -172,7 +175,8 @@ def _candidates(
 
 
 def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
-    """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most, which few sums give.
+    """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most,
+    which few sums give.
 
     Times are taken some together: as if one came as near as it comes between them, and then at the
     last of them.
@@ -200,7 +204,8 @@ def _finely(approach: _Approach, parameters: FieldParameters) -> FloatArray:
 
 
 def _bounds(approach: _Approach, times: FloatArray, parameters: FieldParameters) -> FloatArray:
-    """Logarithms of what the probabilities of an overlap (k, n) at look-ahead times (k,) are at most, by Chernoff's bound."""
+    """Logarithms of what the probabilities of an overlap (k, n) at look-ahead times (k,) are at
+    most, by Chernoff's bound."""
     time = times[:, None]
     bounds = np.zeros((len(time), len(approach.place[0])))
     for place, velocity, half, deviation in zip(
@@ -214,7 +219,8 @@ def _bounds(approach: _Approach, times: FloatArray, parameters: FieldParameters)
 def _overlap(
     approach: _Approach, times: IntArray, rows: IntArray, parameters: FieldParameters
 ) -> FloatArray:
-    """Probabilities (m,) that the boxes of rows (m,) overlap at look-ahead times, given by their numbers (m,)."""
+    """Probabilities (m,) that the boxes of rows (m,) overlap at look-ahead times, given by their
+    numbers (m,)."""
     time = parameters.times[times]
     hit = np.ones(len(rows))
     for place, velocity, half, deviation in zip(

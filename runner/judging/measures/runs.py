@@ -1,4 +1,5 @@
-"""Measures of many runs at once: those of `criticality` that batches in arrays need, of one ego and everyone else.
+"""Measures of many runs at once: those of `criticality` that batches in arrays need, of one ego and
+everyone else.
 
 Motions are rows of all runs one after the other; everyone is there at all instants.
 """
@@ -137,7 +138,8 @@ def measure_runs(
 
 
 class _Impacts:
-    """First contacts of n runs: the earliest one with anyone, of several at one instant the first that is added."""
+    """First contacts of n runs: the earliest one with anyone, of several at one instant the first
+    that is added."""
 
     def __init__(self, n: int, count: int) -> None:
         self._rows = np.full(n, count)
@@ -171,7 +173,8 @@ class _Impacts:
 def _relation(
     ego: MotionRows, other: MotionRows, run: IntArray, starts: IntArray
 ) -> tuple[FloatArray, View, BoolArray]:
-    """Distance of the boxes, the other one as the ego sees it, and whether both are on the same level.
+    """Distance of the boxes, the other one as the ego sees it, and whether both are on the same
+    level.
 
     Distances above the least one of a run are infinite where the other is far away.
     """

@@ -1,4 +1,5 @@
-"""Systems under test of the user behind a boundary: each in a process of its own group, which a run asks by messages.
+"""Systems under test of the user behind a boundary: each in a process of its own group, which a run
+asks by messages.
 
 Whatever a class does there (exit, crash, hang, fork, print, close streams) is an error of that
 system in that run. A process serves one run after the other, each with a new instance, so that its
@@ -53,7 +54,8 @@ _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle, parent = sys.argv[1:3]; "
     "sys.argv[:] = sys.argv[3:]; from runner.systems.isolation.child import serve; serve(handle, parent)"
 )
-"""Program of the process; its arguments are the path of imports, the socket, this process and the name of the system"""
+"""Program of the process; its arguments are the path of imports, the socket, this process and the
+name of the system"""
 _LOOK = 1.0
 """Time (s) between looks whether a process that does not answer still runs"""
 _LEAVING = 2.0
@@ -162,7 +164,8 @@ class _SystemProcess:
         return answer
 
     def _answer(self, limit: float) -> bytes:
-        """The answer; the death of a process whose copies hold the connection open is noticed as well."""
+        """The answer; the death of a process whose copies hold the connection open is noticed as
+        well."""
         end = time.monotonic() + limit
         while True:
             left = end - time.monotonic()
@@ -180,7 +183,8 @@ class _SystemProcess:
         return self._process.returncode is None and not self._has_ended()
 
     def _has_ended(self) -> bool:
-        """Whether the process has ended; it is not reaped, so that its number still names its group."""
+        """Whether the process has ended; it is not reaped, so that its number still names its
+        group."""
         if not _IS_POSIX:
             return self._process.poll() is not None
         with suppress(ChildProcessError):
@@ -293,7 +297,8 @@ if hasattr(os, "register_at_fork"):
 
 
 def facts(name: str, text: str, limit: float) -> Any:
-    """Facts about a class, which is imported in its process: the fields of `runner.systems.ClassOrigin`.
+    """Facts about a class, which is imported in its process: the fields of
+    `runner.systems.ClassOrigin`.
 
     Args:
         name: the class, as `module:Class`. text: the same with its parameters.

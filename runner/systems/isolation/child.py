@@ -1,4 +1,5 @@
-"""The process of a system under test: it builds the class, and answers the messages of runs until their side closes.
+"""The process of a system under test: it builds the class, and answers the messages of runs until
+their side closes.
 
 Standard output leads to standard error, so that what a class prints mixes with no result.
 `sys.argv` holds the name alone. When the process that started it has ended, it ends too, with all
@@ -169,7 +170,9 @@ class _Server:
 
     def _build(self, request: dict[str, Any]) -> dict[str, Any]:
         self._system, self._batch = None, None
-        gc.collect()  # what the system of the last run holds, as memory of a device, is free before the next one is built
+        # what the system of the last run holds, as memory of a device, is free before the next one
+        # is built
+        gc.collect()
         self._system = system = load_system(request["system"])
         return {
             "name": system_name(system),

@@ -1,4 +1,5 @@
-"""Messages between a run and a system under test in a process of its own: observations and answers as bytes, both ways exact.
+"""Messages between a run and a system under test in a process of its own: observations and answers
+as bytes, both ways exact.
 
 Numbers are doubles as they are in memory. What rarely changes (declarations, lights, weather,
 roads) is sent as JSON when it changes. A message begins with a byte that says what it is:
@@ -43,9 +44,11 @@ from xodr.graph.network import RoadNetwork
 DESCRIBE, BUILD, RESET, STEP, CLOSE = b"D", b"B", b"R", b"S", b"C"
 DONE, ANSWER, ERROR, FAILURE = b"{", b"A", b"E", b"F"
 _HEAD = struct.Struct("=cddddHI")
-"""`S`, time, dt, target speed, distance of the stop line (NaN without one); signals, bytes of news"""
+"""`S`, time, dt, target speed, distance of the stop line (NaN without one); signals, bytes of news
+"""
 _MOVING = struct.Struct("=H13d")
-"""Number of a participant, and what changes at each step: the fields of `Participant` from x to odometer"""
+"""Number of a participant, and what changes at each step: the fields of `Participant` from x to
+odometer"""
 _pack, _participant = _MOVING.pack, tuple.__new__
 _FIRST, _LAST = Participant._fields.index("x"), Participant._fields.index("odometer") + 1
 _ANSWER = struct.Struct("=c?4d")
@@ -54,7 +57,8 @@ _MOST = 65_535
 
 
 _Declared = tuple[tuple[Any, ...], tuple[Any, ...]]
-"""Fields of a `Participant` that hardly ever change: those before, and those after the moving ones"""
+"""Fields of a `Participant` that hardly ever change: those before, and those after the moving ones
+"""
 
 
 class ObservationWriter:

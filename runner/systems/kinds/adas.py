@@ -42,7 +42,8 @@ _SLOW, _FAST = 5.0, 20.0
 _STRAIGHT = 1e-4
 """Curvatures below this (1/m) are none"""
 _CRAWL = 1.0
-"""Speed (m/s) below which the curvature of the path is not known: it is the lateral acceleration over the squared speed"""
+"""Speed (m/s) below which the curvature of the path is not known: it is the lateral acceleration
+over the squared speed"""
 _ONCOMING = -0.5
 """Speeds along the ego's path below this (m/s) are those of oncoming traffic"""
 _ROUNDING = 1e-9
@@ -74,13 +75,15 @@ class RadarTarget(NamedTuple):
     acceleration: Any
 
     def is_in_way(self, speed: Any, clearance: float) -> Any:
-        """Whether it is in the swath when an ego of that speed (m/s) reaches it, widened by a clearance (m)."""
+        """Whether it is in the swath when an ego of that speed (m/s) reaches it, widened by a
+        clearance (m)."""
         time = ratio(greatest(self.gap, 0.0), speed - self.speed, 0.0)
         left = self.aside - self.approach * time
         return (-self.width - clearance < left) & (left < clearance)
 
     def needed(self, speed: Any, delay: float) -> Any:
-        """Constant deceleration (m/s²) that avoids the collision if braking begins after a delay (s); 0 where none is needed.
+        """Constant deceleration (m/s²) that avoids the collision if braking begins after a delay
+        (s); 0 where none is needed.
 
         A target that brakes is taken to brake on until it stands; one that approaches to keep its
         speed.
@@ -105,7 +108,8 @@ def needed_deceleration(
 
 @dataclass
 class DriverAssistance:
-    """Brakes comfortably behind a target and then keeps a time gap, and brakes fully where that is not enough.
+    """Brakes comfortably behind a target and then keeps a time gap, and brakes fully where that is
+    not enough.
 
     The scenario's speed is the driver's, and holds until the system acts. Targets are the
     participants in the field of view of a front radar, along the path that the ego's yaw rate
@@ -246,7 +250,8 @@ class DriverAssistance:
         return after, ~free
 
     def _decide(self, ego: Participant, observation: Observation) -> tuple[float, bool, str]:
-        """Acceleration that the traffic calls for (infinite: none), whether it is full braking, and the reason."""
+        """Acceleration that the traffic calls for (infinite: none), whether it is full braking, and
+        the reason."""
         targets = list(self.targets(observation))
         threat, worst, delay = None, 0.0, self._delay
         for target in targets:
@@ -300,7 +305,8 @@ class DriverAssistance:
     # the law, of numbers or of arrays over runs ----------------------------------------------
 
     def is_emergency(self, each: RadarTarget, needed: Any, speed: Any, is_braking_for: Any) -> Any:
-        """Whether a target in the way calls for full braking by a needed deceleration (m/s²), or for more of it."""
+        """Whether a target in the way calls for full braking by a needed deceleration (m/s²), or
+        for more of it."""
         goes_on = is_braking_for & (speed > greatest(each.speed, 0.0))
         return (needed >= self.emergency) | goes_on
 
@@ -314,7 +320,8 @@ class DriverAssistance:
         return near | (lead.needed(speed, self.latency) >= self.comfortable)
 
     def following(self, lead: RadarTarget, v: Any, desired: Any) -> Any:
-        """Acceleration (m/s²) of the ACC model behind a target, at a speed and with a desired one (m/s), before the limits of ISO 15622."""
+        """Acceleration (m/s²) of the ACC model behind a target, at a speed and with a desired one
+        (m/s), before the limits of ISO 15622."""
         gap, closing = greatest(lead.gap, _LEAST_GAP), v - lead.speed
         dynamic = v * self.headway + v * closing / (
             2.0 * math.sqrt(self.accelerate * self.comfortable)
@@ -330,11 +337,13 @@ class DriverAssistance:
         return choose(idm >= constant, idm, mixed)
 
     def lets_go(self, demand: Any, scripted: Any, is_free: Any, acceleration: Any) -> Any:
-        """Whether the scenario's acceleration (m/s²) applies: it asks for no more than the demand, and the system does not brake."""
+        """Whether the scenario's acceleration (m/s²) applies: it asks for no more than the demand,
+        and the system does not brake."""
         return (demand >= scripted) & (is_free | (acceleration >= 0.0))
 
     def limited(self, demand: Any, is_full: Any, before: Any, speed: Any, dt: float) -> Any:
-        """A demand (m/s²) within its limits of deceleration and jerk, dt (s) after an acceleration before."""
+        """A demand (m/s²) within its limits of deceleration and jerk, dt (s) after an acceleration
+        before."""
         share = least(greatest((speed - _SLOW) / (_FAST - _SLOW), 0.0), 1.0)
         slow_jerk = self.slow_jerk + share * (self.fast_jerk - self.slow_jerk)
         jerk = choose(is_full, self.jerk, slow_jerk)
@@ -359,7 +368,8 @@ class DriverAssistance:
                 yield self._target(view.x, view.y, extent, ego, other, (c, s), curvature)
 
     def targets_batch(self, seen: BatchObservation) -> tuple[BoolArray, RadarTarget]:
-        """Participants in many runs (p, n): a mask of those in the field of view, and all as targets."""
+        """Participants in many runs (p, n): a mask of those in the field of view, and all as
+        targets."""
         ego, others = seen.ego, seen.others
         view = seen_by(ego, others)
         extent = extents(view, others.box)
@@ -390,7 +400,8 @@ class DriverAssistance:
         )
 
     def _sees(self, extent: Extent, half: Any) -> Any:
-        """Whether the nearest point of a box, ahead of the ego's front (at half its length), is in the field of view."""
+        """Whether the nearest point of a box, ahead of the ego's front (at half its length), is in
+        the field of view."""
         rear, _, right, left = extent
         ahead, aside = rear - half, greatest(greatest(right, -left), 0.0)
         before, is_in_line = greatest(ahead, 0.0), aside == 0.0
@@ -430,7 +441,8 @@ class _Delayed:
         is_full: BoolArray,
         latency: float,
     ) -> tuple[FloatArray, BoolArray]:
-        """Add the decisions of runs at times (n,), s, and give those of a latency (s) before; infinite where there is none."""
+        """Add the decisions of runs at times (n,), s, and give those of a latency (s) before;
+        infinite where there is none."""
         begin = run * self._most
         place = begin + self._end[run] % self._most
         self._time[place], self._demand[place], self._is_full[place] = time, demand, is_full

@@ -36,7 +36,8 @@ _FOLLOWS, _HOLDS, _PARTIAL, _FULL = range(4)
 
 @dataclass
 class EmergencyBraking:
-    """Brakes in part, then fully, for entities in its path now or when it reaches them; else it follows the scenario.
+    """Brakes in part, then fully, for entities in its path now or when it reaches them; else it
+    follows the scenario.
 
     Braking continues, at least as hard, until the ego is no longer faster than the entity in its
     path, or the path is free. It then keeps its speed, or stands, while that entity is near: the
@@ -101,16 +102,19 @@ class EmergencyBraking:
         return BatchControl(self.acceleration(stage), stage != _FOLLOWS)
 
     def threat(self, found: AheadParticipant) -> Any:
-        """Return the time (s) until the ego reaches the entity, if it is or will be in the path; else infinity."""
+        """Return the time (s) until the ego reaches the entity, if it is or will be in the path;
+        else infinity."""
         time = found.time_to_collision
         return choose((found.gap <= self.sensor_range) & self._in_way(found), time, math.inf)
 
     def holds(self, found: AheadParticipant, speed: Any) -> Any:
-        """Whether an entity in the path is so near that, having braked at a speed (m/s), it does not speed up again."""
+        """Whether an entity in the path is so near that, having braked at a speed (m/s), it does
+        not speed up again."""
         return (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
 
     def stage(self, time: Any, held: Any, stage: Any) -> Any:
-        """Return the next stage, for the time (s) to reach an object or for a near object, and the current stage."""
+        """Return the next stage, for the time (s) to reach an object or for a near object, and the
+        current stage."""
         braking = (time <= self.partial_time) | ((stage >= _PARTIAL) & (time < math.inf))
         full = braking & ((stage == _FULL) | (time <= self.full_time))
         holding = choose((stage != _FOLLOWS) & held, _HOLDS, _FOLLOWS)

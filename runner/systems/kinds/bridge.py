@@ -1,5 +1,6 @@
-"""The system under test `bridge`: another process drives the ego over a socket; docs/ego-from-outside.md has the messages,
-`runner.systems.isolation.frames` the frames that hold them.
+"""The system under test `bridge`: another process drives the ego over a socket;
+docs/ego-from-outside.md has the messages, `runner.systems.isolation.frames` the frames that hold
+them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ _OPEN = 16
 
 
 def accept(host: str, port: int, wait: float, limit: float, token: str) -> FrameConnection:
-    """Listen until a client has connected and sent a frame with `{"token": …}`; others are turned away, further ones refused.
+    """Listen until a client has connected and sent a frame with `{"token": …}`; others are turned
+    away, further ones refused.
 
     Any number of connections may be open meanwhile, so that one which sends nothing, or slowly,
     delays no other.
@@ -87,7 +89,8 @@ def accept(host: str, port: int, wait: float, limit: float, token: str) -> Frame
 def _admit(
     listener: socket.socket, selector: selectors.BaseSelector, waiting: dict[socket.socket, bytes]
 ) -> int:
-    """Take a connection in; the number of those that make room for it, which have been silent for longest."""
+    """Take a connection in; the number of those that make room for it, which have been silent for
+    longest."""
     try:
         connection, _ = listener.accept()
     except OSError:  # it has gone already
@@ -152,7 +155,8 @@ _CONTROL = {"acceleration", "steering", "reason"}
 _POSE = {"x", "y", "h", "speed"}
 _LONGEST_SHOWN = 60
 TOKEN = "XOSC_BRIDGE_TOKEN"  # noqa: S105  # the name of the variable
-"""Environment variable with what a client has to know; the bridge makes one up, and prints it, where it is not set"""
+"""Environment variable with what a client has to know; the bridge makes one up, and prints it,
+where it is not set"""
 
 
 @dataclass(slots=True)

@@ -51,7 +51,8 @@ SYSTEMS = {
 
 
 def unsafe_ahead(ahead: Any, own: Any, its: Any, p: RssParameters) -> tuple[Any, Any]:
-    """Whether a longitudinal gap (m) is less than the safe one, and the safe one, m; of numbers or arrays.
+    """Whether a longitudinal gap (m) is less than the safe one, and the safe one, m; of numbers or
+    arrays.
 
     Args:
         own, its: speeds in the ego's direction of travel, m/s.
@@ -61,7 +62,8 @@ def unsafe_ahead(ahead: Any, own: Any, its: Any, p: RssParameters) -> tuple[Any,
 
 
 def unsafe_aside(is_left: Any, aside: Any, own: Any, its: Any, p: RssParameters) -> tuple[Any, Any]:
-    """Whether a lateral gap (m) is less than the safe one, and the safe one, m; of numbers or arrays.
+    """Whether a lateral gap (m) is less than the safe one, and the safe one, m; of numbers or
+    arrays.
 
     Args:
         is_left: whether the other one is to the left.
@@ -120,7 +122,8 @@ def _reach(box: BoundingBox) -> Any:
 
 @dataclass(slots=True)
 class CollisionAvoidance:
-    """Brakes as hard as it can while the RSS distances to a participant within sensor range are violated.
+    """Brakes as hard as it can while the RSS distances to a participant within sensor range are
+    violated.
 
     Danger is: a participant no further than the sensor range (between the boxes), ahead of the
     ego's middle (behind it while the ego reverses), whose longitudinal and lateral gaps in the
@@ -192,13 +195,15 @@ class CollisionAvoidance:
         return found
 
     def _in_range(self, ego: Participant, other: Participant, seen: Outlook) -> bool:
-        """Whether the gap is at most the sensor range; the distance of the boxes' centres, never less, mostly says so already."""
+        """Whether the gap is at most the sensor range; the distance of the boxes' centres, never
+        less, mostly says so already."""
         if math.hypot(seen.x, seen.y, vertical(ego, other)) < self.sensor_range - _ROUNDING:
             return True
         return gap(ego, other) <= self.sensor_range
 
     def _danger(self, ego: Participant, other: Participant, way: float) -> str:
-        """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards (−1); empty where it is not."""
+        """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards
+        (−1); empty where it is not."""
         p = self._parameters
         seen = outlook(ego, other)
         if way * seen.x <= 0.0:

@@ -1,4 +1,5 @@
-"""Systems under test that decide nothing themselves: commands of a caller, a script of a test, or SUMO's own driver (`sumo`)."""
+"""Systems under test that decide nothing themselves: commands of a caller, a script of a test, or
+SUMO's own driver (`sumo`)."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ class Commanded:
 
 @dataclass(frozen=True, slots=True)
 class Scripted:
-    """Plays a script, whatever it sees: `runner.run(scenario, sut=Scripted([(1.0, Control(acceleration=-2.0))]))`.
+    """Plays a script, whatever it sees: `runner.run(scenario, sut=Scripted([(1.0,
+    Control(acceleration=-2.0))]))`.
 
     Args:
         script: time (s) and control from that time on, in ascending order; before the first it
@@ -54,7 +56,8 @@ class Scripted:
 
 
 class SumoDriver(WorldDriven):
-    """SUMO's car-following (Krauss) and lane-changing (LC2013) models drive the ego along its route or the straightest way.
+    """SUMO's car-following (Krauss) and lane-changing (LC2013) models drive the ego along its route
+    or the straightest way.
 
     The scripted speed is what it wants: it keeps its distance from others, yields at junctions,
     obeys traffic lights and overtakes. `runner.engine.worlds.sumo_simulation` says how its models

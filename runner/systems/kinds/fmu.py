@@ -1,4 +1,5 @@
-"""The system under test `fmu`: an FMU drives the ego, by variables that a mapping file names, or by OSI messages of OSMP."""
+"""The system under test `fmu`: an FMU drives the ego, by variables that a mapping file names, or by
+OSI messages of OSMP."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ _SIZED = re.compile(r"U?Int(8|16|32|64)\Z")
 
 
 class VariableLink(NamedTuple):
-    """Entry of a mapping: variable of the FMU, field of the observation or of the answer, and the change of units.
+    """Entry of a mapping: variable of the FMU, field of the observation or of the answer, and the
+    change of units.
 
     Args:
         variable: name of the variable.
@@ -66,18 +68,18 @@ class VariableMapping(NamedTuple):
 
 @dataclass(slots=True)
 class Fmu:
-    """Gives an FMU the observation of each step, and does what its outputs say at the end of the step.
+    """Gives an FMU the observation of each step, and does what its outputs say at the end of the
+    step.
 
     The mapping file is TOML:
 
-        [inputs]                                              # variable of the FMU = field of the observation
-        v_ego = "ego.speed"
-        gap = { field = "lead.gap", absent = 250.0 }          # absent: without a lead; 0 unless given
-        v_set_kmh = { field = "target_speed", factor = 3.6 }  # factor: of units
+        [inputs]                                              # variable of the FMU = field of the
+        observation v_ego = "ego.speed" gap = { field = "lead.gap", absent = 250.0 }          #
+        absent: without a lead; 0 unless given v_set_kmh = { field = "target_speed", factor = 3.6 }
+        # factor: of units
 
-        [outputs]                                             # field of the answer = variable of the FMU
-        acceleration = "a_demand"
-        steering = { variable = "wheel_deg", factor = 0.0174533 }
+        [outputs]                                             # field of the answer = variable of
+        the FMU acceleration = "a_demand" steering = { variable = "wheel_deg", factor = 0.0174533 }
 
         [parameters]                                          # variable of the FMU = value
         time_gap = 1.8
@@ -215,7 +217,8 @@ class Fmu:
         return {link.field.partition(".")[0] for link in self._mapping.inputs if "." in link.field}
 
     def _fields(self, observation: Observation, dt: float) -> Callable[[str], float | None]:
-        """Return what gives the value of a field of the observation; None for a lead or other that is not there."""
+        """Return what gives the value of a field of the observation; None for a lead or other that
+        is not there."""
         ego = observation.ego
         rows = self._view.of(observation) if self._view is not None else {}
         near = self._view.nearest(observation) if self._view is not None else []
@@ -302,7 +305,8 @@ def _share(value: float) -> float:
 
 
 def _lead(ego: Participant, near: list[Participant], rows: list[list[float]]) -> int | None:
-    """Return the number of the nearest participant ahead whose box is in the ego's way; None where there is none."""
+    """Return the number of the nearest participant ahead whose box is in the ego's way; None where
+    there is none."""
     found: list[tuple[float, int]] = []
     for number, (one, row) in enumerate(zip(near, rows, strict=False)):
         columns = dict(zip(PARTICIPANT, row, strict=True))
@@ -311,7 +315,8 @@ def _lead(ego: Participant, near: list[Participant], rows: list[list[float]]) ->
     return min(found)[1] if found else None
 
 
-# mapping files --------------------------------------------------------------------------------------
+# mapping files
+# --------------------------------------------------------------------------------------
 
 
 def _read(path: Path, fmu: Description) -> VariableMapping:

@@ -32,7 +32,8 @@ SYSTEMS = {
 
 @dataclass
 class IntelligentDriver:
-    """Follows the entity in its path; its desired speed v₀ is the scenario's. It stops at red lights.
+    """Follows the entity in its path; its desired speed v₀ is the scenario's. It stops at red
+    lights.
 
     a = `accelerate`·(1 − (v/v₀)⁴ − (s*/s)²), s* = `standstill` + max(0, v·`headway` +
     v·Δv/(2·√(`accelerate`·`comfortable`)))
@@ -59,7 +60,8 @@ class IntelligentDriver:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """Return the model's acceleration if the path is occupied or the speed differs from the desired one; else nothing."""
+        """Return the model's acceleration if the path is occupied or the speed differs from the
+        desired one; else nothing."""
         speed, target = observation.ego.speed, observation.target_speed
         ahead = [found for found in encounters(observation) if found.aside < self.clearance]
         line = stop_line(observation)
@@ -81,7 +83,8 @@ class IntelligentDriver:
         return BatchControl(self.acceleration(first, speed, target), acts)
 
     def acceleration(self, found: AheadParticipant, speed: Any, target: Any) -> Any:
-        """Return the model's acceleration behind an entity, at a speed and with a desired one (m/s); numbers or arrays."""
+        """Return the model's acceleration behind an entity, at a speed and with a desired one
+        (m/s); numbers or arrays."""
         dynamic = speed * self.headway + speed * found.closing / (
             2.0 * math.sqrt(self.accelerate * self.comfortable)
         )

@@ -1,4 +1,5 @@
-"""Reference drivers, which notice danger, react after a time, and brake: `r157-cc`, `r157-reg`, `rss` and `fsm`.
+"""Reference drivers, which notice danger, react after a time, and brake: `r157-cc`, `r157-reg`,
+`rss` and `fsm`.
 
 Source of the models and constants: Mattas, Albano, Donà, Galassi, Suarez-Bertoa, Vass, Ciuffo,
 "Driver models for the definition of safety requirements of automated vehicles in international
@@ -102,7 +103,8 @@ class ReferenceDriver:
         self._deceleration = 0.0
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """Braking with the reason in danger; else the scripted speed, or after an alarm the present one."""
+        """Braking with the reason in danger; else the scripted speed, or after an alarm the present
+        one."""
         dangers = [
             found for found in encounters(observation) if self.dangerous(found, observation.ego)
         ]
@@ -159,7 +161,8 @@ class ReferenceDriver:
         return HARDEST
 
     def for_signal(self, line: AheadParticipant) -> tuple[Any, Any]:
-        """Whether a stop at a signal's line begins or goes on, and its deceleration, m/s²; of numbers or arrays."""
+        """Whether a stop at a signal's line begins or goes on, and its deceleration, m/s²; of
+        numbers or arrays."""
         needed = ratio(line.closing, 2.0 * (line.gap - _BEFORE_LINE), math.inf) * line.closing
         is_due = (line.gap <= 2.0 * _BEFORE_LINE) | (needed >= _FOR_SIGNALS)
         stops = (line.closing >= 0.0) & is_due  # one that reverses drives away from it
@@ -181,7 +184,8 @@ class ReferenceDriver:
 
 @dataclass
 class CarefulCompetent(ReferenceDriver):
-    """Reacts to entities in its path below a critical time to collision (see `runner.systems.kinds.reference`).
+    """Reacts to entities in its path below a critical time to collision (see
+    `runner.systems.kinds.reference`).
 
     Args:
         reaction: time before it brakes, s.
@@ -200,7 +204,8 @@ class CarefulCompetent(ReferenceDriver):
 
 @dataclass
 class Regulation157(ReferenceDriver):
-    """Reacts to entities less than a lateral distance away and nearer in time than the braking to their speed takes.
+    """Reacts to entities less than a lateral distance away and nearer in time than the braking to
+    their speed takes.
 
     Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s. For an entity
     beside the ego, the time since their bumpers met counts as TTC, as in the JRC's implementation:
@@ -230,7 +235,8 @@ class Regulation157(ReferenceDriver):
 
 @dataclass
 class SafeDistance(ReferenceDriver):
-    """Reacts while the longitudinal and the lateral gap to a participant are both less than RSS asks for.
+    """Reacts while the longitudinal and the lateral gap to a participant are both less than RSS
+    asks for.
 
     The ego keeps its lane, so that laterally only the other one moves within its response time.
 

@@ -1,4 +1,5 @@
-"""FMUs for co-simulation, of FMI 2 and 3: description, variables, steps, and binary variables as of OSMP. Needs the extra `fmi`.
+"""FMUs for co-simulation, of FMI 2 and 3: description, variables, steps, and binary variables as of
+OSMP. Needs the extra `fmi`.
 
 An FMU is native code: it is unpacked into the cache folder and loaded into this process, and
 `--untrusted` refuses it.
@@ -33,7 +34,8 @@ Value = float | int | bool | str | bytes
 _LONGEST_SAID = 200
 """Characters of a log message of an FMU that an error shows"""
 _DISCARD, _FATAL = 2, 4
-"""Statuses of FMI: the first beyond a warning, and the one after which nothing of the instance may be called"""
+"""Statuses of FMI: the first beyond a warning, and the one after which nothing of the instance may
+be called"""
 _WHOLE = (
     "Integer",
     "Int8",
@@ -69,7 +71,8 @@ class Description(NamedTuple):
         return int(self.model.fmiVersion.partition(".")[0])
 
     def has_binary(self, prefix: str) -> bool:
-        """Whether it has a binary variable of that name; in FMI 2 the three integers that OSMP puts in its place."""
+        """Whether it has a binary variable of that name; in FMI 2 the three integers that OSMP puts
+        in its place."""
         if self.version == 2:
             return all(
                 f"{prefix}.{role}" in self.variables for role in ("base.lo", "base.hi", "size")

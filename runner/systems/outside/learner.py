@@ -1,4 +1,5 @@
-"""Inputs of a learner made of an `Observation` (rows of numbers, in lane coordinates and bare), and rewards.
+"""Inputs of a learner made of an `Observation` (rows of numbers, in lane coordinates and bare), and
+rewards.
 
 Lane coordinates are those of `xodr.graph.network.RoadNetwork.relative_in_lane`, with the signs of
 the ego: ahead along its lane and to its left are positive, whichever way it faces. Where no way
@@ -22,8 +23,9 @@ from xodr.model import RoadPoint
 Rows = NDArray[np.float32]
 
 EGO = ("speed", "acceleration", "target_speed", "offset", "heading", "right_edge", "left_edge")
-"""Columns of the ego: m/s, m/s², the speed that the scenario asks for (m/s); from the lane's centre (m), heading relative to the
-lane (rad), distance from the reference point to the road's edges (m, 0 without roads)."""
+"""Columns of the ego: m/s, m/s², the speed that the scenario asks for (m/s); from the lane's centre
+(m), heading relative to the lane (rad), distance from the reference point to the road's edges (m, 0
+without roads)."""
 PARTICIPANT = (
     "present",
     "ahead",
@@ -35,14 +37,16 @@ PARTICIPANT = (
     "length",
     "width",
 )
-"""Columns of a participant: 1 (0 in an empty row); from reference point to reference point (m), lanes between, its
-speed along the ego's lane (m/s), how much faster the ego is (m/s), its heading relative to the
-ego's (rad), its size (m)."""
+"""Columns of a participant: 1 (0 in an empty row); from reference point to reference point (m),
+lanes between, its speed along the ego's lane (m/s), how much faster the ego is (m/s), its heading
+relative to the ego's (rad), its size (m)."""
 SIGNAL = ("present", "distance", "stop", "stop_distance")
-"""Columns of the traffic lights: 1 with a light ahead, the distance to the next one (m); 1 with a line at which a light forbids
-to go on, the distance to it (m); from the reference point, 0 without one."""
+"""Columns of the traffic lights: 1 with a light ahead, the distance to the next one (m); 1 with a
+line at which a light forbids to go on, the distance to it (m); from the reference point, 0 without
+one."""
 STATE = ("x", "y", "z", "h", "vx", "vy", "ax", "ay")
-"""Columns of the bare state, as in `runner.systems.Participant`; the ego in the first row, then the participants."""
+"""Columns of the bare state, as in `runner.systems.Participant`; the ego in the first row, then the
+participants."""
 
 
 class _Seat(NamedTuple):
@@ -65,7 +69,8 @@ class ObservationArrays:
         self._hints: dict[str, RoadPoint] = {}
 
     def of(self, observation: Observation) -> dict[str, Rows]:
-        """`ego` (7,), `signal` (4,), `participants` (n, 9) and `state` (1 + n, 8), see the columns above."""
+        """`ego` (7,), `signal` (4,), `participants` (n, 9) and `state` (1 + n, 8), see the columns
+        above."""
         ego, network = observation.ego, observation.network
         seat = self._seat(network, ego) if network is not None else None
         nearest = self.nearest(observation)
@@ -134,7 +139,8 @@ class ObservationArrays:
     def _in_lane(
         self, network: RoadNetwork | None, seat: _Seat | None, other: Participant
     ) -> tuple[float, ...] | None:
-        """`ahead`, `left`, `lanes` and `speed` in lane coordinates of the ego; None where no way leads there."""
+        """`ahead`, `left`, `lanes` and `speed` in lane coordinates of the ego; None where no way
+        leads there."""
         if network is None or seat is None:
             return None
         theirs = self._seat(network, other)

@@ -1,4 +1,5 @@
-"""OSI messages of an ego driven from outside: ground truth of observations, sensor views and answers of OSMP.
+"""OSI messages of an ego driven from outside: ground truth of observations, sensor views and
+answers of OSMP.
 
 Needs the extra `osi`.
 
@@ -108,7 +109,8 @@ def _angles(one: Participant) -> tuple[float, float, float]:
 
 
 def _turned(one: Participant, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vector (m) of a participant's own frame in the world's: roll, then pitch, then heading (ISO 8855)."""
+    """A vector (m) of a participant's own frame in the world's: roll, then pitch, then heading (ISO
+    8855)."""
     (ch, cp, cr), (sh, sp, sr) = (
         tuple(map(turn, (one.h, one.pitch, one.roll))) for turn in (math.cos, math.sin)
     )
@@ -195,7 +197,8 @@ def pose_of_update(data: bytes, ego: Participant, path: str) -> Pose | None:
 
 
 def pose_of_request(data: bytes, time: float, path: str) -> Pose | None:
-    """Return the pose that a MotionRequest asks for at a time (s), between points of its trajectory; None where it is empty.
+    """Return the pose that a MotionRequest asks for at a time (s), between points of its
+    trajectory; None where it is empty.
 
     Raises:
         ToolchainError: it is no such message, or its trajectory has no point there.

@@ -1,4 +1,5 @@
-"""The ego as a Gymnasium environment: `gymnasium.make("xosc/Scenario-v0", scenario="file.xosc")`, for learners.
+"""The ego as a Gymnasium environment: `gymnasium.make("xosc/Scenario-v0", scenario="file.xosc")`,
+for learners.
 
 Needs the extra `gym`.
 """
@@ -39,7 +40,8 @@ except ModuleNotFoundError as error:
     raise missing(error) or error from None
 
 ACTIONS = {"acceleration_and_steering": 2, "acceleration": 1, "target_speed": 1}
-"""Kinds of actions with their number of values; without steering the ego follows the scenario's path."""
+"""Kinds of actions with their number of values; without steering the ego follows the scenario's
+path."""
 _WHEELS = 0.5
 """rad, greatest angle of the front wheels where the scenario does not say"""
 _TOP_SPEED = 50.0
@@ -186,7 +188,8 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         return self._session.result()
 
     def render(self) -> Any:
-        """Pixels of the present instant, an array of height, width and 3; None without a render mode.
+        """Pixels of the present instant, an array of height, width and 3; None without a render
+        mode.
 
         Raises:
             UsageError: no episode has begun.

@@ -1,4 +1,5 @@
-"""HTML pages made of the files beside this module: one file each, which needs nothing else and no network."""
+"""HTML pages made of the files beside this module: one file each, which needs nothing else and no
+network."""
 
 from __future__ import annotations
 
@@ -66,7 +67,8 @@ def page(
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a page as UTF-8, whole or not at all; characters that are none (of file names) are replaced."""
+    """Write a page as UTF-8, whole or not at all; characters that are none (of file names) are
+    replaced."""
     keep(
         text.encode("utf-8", errors="replace"), path
     )  # a link that bears its name is replaced, not followed

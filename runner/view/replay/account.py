@@ -1,4 +1,5 @@
-"""Account of a run: the entity that the ego interacts with most at each instant, the run in a few sentences, and its timeline.
+"""Account of a run: the entity that the ego interacts with most at each instant, the run in a few
+sentences, and its timeline.
 
 The timeline is the event log as rows of bars over time: acts, events and actions of the storyboard,
 interventions, collisions, notes.
@@ -34,7 +35,8 @@ Stretches = list[tuple[int, str]]
 
 
 def main_partner(measures: Criticality) -> str | None:
-    """The other one of the whole run: of the contact, else of the least time to collision, else of the least distance."""
+    """The other one of the whole run: of the contact, else of the least time to collision, else of
+    the least distance."""
     if measures.impact is not None:
         return measures.impact.other
     extremes = [measures.summary[name] for name in ("min_ttc", "min_distance")]
@@ -42,7 +44,8 @@ def main_partner(measures: Criticality) -> str | None:
 
 
 def partners(measures: Criticality, dt: float, stride: int) -> Stretches:
-    """The partner over time: the main one while it is near, else the nearest, if near; empty for none."""
+    """The partner over time: the main one while it is near, else the nearest, if near; empty for
+    none."""
     near = measures.distance.valid & (measures.distance.value <= _FAR)
     found = np.where(near, measures.nearest, "").astype(object)
     main = main_partner(measures)
@@ -142,7 +145,8 @@ def _contact(ego: Track, measures: Criticality, impact: Impact) -> Iterator[Sent
 
 
 def _braking(ego: Track, row: int) -> int | None:
-    """The row at which the braking began that was going on at a row, or up to half a second before it."""
+    """The row at which the braking began that was going on at a row, or up to half a second before
+    it."""
     time, braking = ego.columns["time"], ego.columns["acceleration"] < _BRAKES
     rows = np.flatnonzero(braking[: row + 1] & (time[: row + 1] >= time[row] - 0.5))
     if not rows.size:
@@ -172,7 +176,8 @@ def _began(ego: Track, measures: Criticality, began: int | None, row: int) -> Se
 
 
 def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Sentence]:
-    """Describe the braking needed at the start of the conflict, and the latest time for full braking."""
+    """Describe the braking needed at the start of the conflict, and the latest time for full
+    braking."""
     if began is not None:
         least = conflict.least(float(conflict.ego.time[began]))
         if least is None:
@@ -231,7 +236,8 @@ def _without_contact(
 
 
 _LEVELS = {2: "act", 5: "event", 6: "action"}
-"""Storyboard elements that are shown, by their depth: story, act, maneuver group, maneuver, event, action"""
+"""Storyboard elements that are shown, by their depth: story, act, maneuver group, maneuver, event,
+action"""
 _STARTS = {"startTransition", "interventionStart", "collision"}
 _ENDED = {
     "endTransition": "startTransition",
@@ -266,7 +272,8 @@ class TimelineRow:
 
 
 def is_shown(entry: LogEntry) -> bool:
-    """Whether a line of the event log is worth a line in a list, beyond the bookkeeping of the storyboard."""
+    """Whether a line of the event log is worth a line in a list, beyond the bookkeeping of the
+    storyboard."""
     return not entry.kind.endswith("Transition") or (
         not entry.subject.startswith(_INIT) and _level(entry) != ""
     )
@@ -322,7 +329,8 @@ def _close(row: TimelineRow, time: float) -> None:
 
 
 def _level(entry: LogEntry) -> str:
-    """The level of the row that a line belongs to; empty for storyboard elements that are not shown."""
+    """The level of the row that a line belongs to; empty for storyboard elements that are not
+    shown."""
     if entry.kind.endswith("Transition"):
         return (
             "action"
@@ -334,7 +342,8 @@ def _level(entry: LogEntry) -> str:
 
 
 def _whole(entry: LogEntry) -> str:
-    """Return the text that distinguishes rows of one level: both entities of a collision, the kind of notes."""
+    """Return the text that distinguishes rows of one level: both entities of a collision, the kind
+    of notes."""
     level = _level(entry)
     if level == "collision":
         return f"{entry.subject}{_PAIR}{entry.text.removeprefix('no longer ').removeprefix('touches ')}"

@@ -1,4 +1,5 @@
-"""Runs as pictures: views from above, as PNG stills, animated GIF, or MP4 where ffmpeg is installed; two runs are stacked."""
+"""Runs as pictures: views from above, as PNG stills, animated GIF, or MP4 where ffmpeg is
+installed; two runs are stacked."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ _FINER = 2
 _WIDTH = 110.0
 """Width of what is seen around an ego that is alone, m"""
 _CLOSEST, _BESIDE = 16.0, (90, 70)
-"""Pixels per m at which a pair is seen at most, and the pixels left free on both sides of it and above"""
+"""Pixels per m at which a pair is seen at most, and the pixels left free on both sides of it and
+above"""
 _SMOOTH = 0.8
 """Over how long the camera's way is smoothed, s"""
 _LABELLED = 8

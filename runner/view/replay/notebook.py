@@ -1,9 +1,10 @@
-"""Results as notebooks show them: a small table and the page that plays the run, or the report of a batch, in a frame.
+"""Results as notebooks show them: a small table and the page that plays the run, or the report of a
+batch, in a frame.
 
     import xosc_toolchain as xt
 
-    xt.run("xosc/library/simple_cut_in.xosc", sut="adas")  # the last line of a cell: table and replay
-    xt.show("results")  # a folder that xosc-run --out has written, of a run or of a batch
+    xt.run("xosc/library/simple_cut_in.xosc", sut="adas")  # the last line of a cell: table and
+    replay xt.show("results")  # a folder that xosc-run --out has written, of a run or of a batch
 
 The frame is sandboxed: its page runs its own script, and reaches neither the notebook nor a
 network."""
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
 _HIGH = 640
 """Height of a frame, px"""
 _LARGEST = 8_000_000
-"""Size of pages above which notebooks get a link's worth of text instead, bytes: a notebook keeps its outputs"""
+"""Size of pages above which notebooks get a link's worth of text instead, bytes: a notebook keeps
+its outputs"""
 _LISTED = 10
 """Runs of a batch that the table lists, failures first"""
 _ORDER = ("failed", "error", "inconclusive", "passed")
@@ -54,7 +56,8 @@ def run_html(result: RunResult) -> str:
 
 
 def show(folder: str | PathLike[str]) -> RunResult | BatchView:
-    """Return the run or the batch of a folder that `xosc-run --out` or `run_batch` has written; notebooks show either.
+    """Return the run or the batch of a folder that `xosc-run --out` or `run_batch` has written;
+    notebooks show either.
 
     Raises:
         UsageError: the folder is not that of a run or a batch.
@@ -74,7 +77,8 @@ def show(folder: str | PathLike[str]) -> RunResult | BatchView:
 
 
 class BatchView:
-    """A batch as notebooks show it: counts, the first failures with links to their replays, and the report.
+    """A batch as notebooks show it: counts, the first failures with links to their replays, and the
+    report.
 
     Attributes:
         folder: the output folder of the batch; its report is written anew.

@@ -1,9 +1,11 @@
-"""Replay pages, one HTML file each that needs no network: their data, their text, and their names in folders of results.
+"""Replay pages, one HTML file each that needs no network: their data, their text, and their names
+in folders of results.
 
 Data are JSON-able values: roads, participants, timeline, curves, and previews of a run's worst
 moment. Positions are counted
-from an origin near the runs, in cm; times in samples of a fixed length. Arrays are packed as text (differences of quantised
-neighbours, variable-length integers, base64), which `page/play/data.js` reads.
+from an origin near the runs, in cm; times in samples of a fixed length. Arrays are packed as text
+(differences of quantised neighbours, variable-length integers, base64), which `page/play/data.js`
+reads.
 """
 
 from __future__ import annotations
@@ -83,7 +85,8 @@ def _varints(numbers: NDArray[np.int64]) -> bytes:
 
 
 def pack_lines(lines: Sequence[NDArray[np.float64]], step: float) -> list[str]:
-    """Polylines as texts: their numbers of points, then x, y and, unless 0 everywhere, z of all points."""
+    """Polylines as texts: their numbers of points, then x, y and, unless 0 everywhere, z of all
+    points."""
     points = np.concatenate(lines) if lines else np.zeros((0, 2))
     lengths = [len(line) for line in lines]
     return [
@@ -109,7 +112,8 @@ _GREATEST = 1000.0
 
 
 class SceneArea(NamedTuple):
-    """Rectangle whose roads a scene draws (m), and the origin from which its positions are counted (m)."""
+    """Rectangle whose roads a scene draws (m), and the origin from which its positions are counted
+    (m)."""
 
     area: Area
     origin: tuple[int, int]
@@ -192,7 +196,8 @@ def union(areas: Iterable[Area]) -> Area:
 def road_of(
     network: RoadNetwork, area: Area, origin: tuple[int, int], heights: bool = True
 ) -> dict[str, Any]:
-    """The roads within an area, counted from an origin; without `heights`, no more than a view from above needs."""
+    """The roads within an area, counted from an origin; without `heights`, no more than a view from
+    above needs."""
     axes = 3 if heights else 2
     base = np.array([*origin, 0.0])
 
@@ -278,7 +283,8 @@ def _reasons(result: RunResult) -> list[str]:
 
 
 def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, Stretches]:
-    """Return the most relevant entity and the one of the least time to collision, with the samples from which they apply."""
+    """Return the most relevant entity and the one of the least time to collision, with the samples
+    from which they apply."""
     if measures is None:
         return {"partners": [], "leads": []}
     return {
@@ -293,7 +299,8 @@ def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, St
 def track_of(
     track: Track, dt: float, stride: int, origin: tuple[int, int], heights: bool = True
 ) -> dict[str, Any]:
-    """A participant at every so many steps of a time (s), counted from an origin; `heights` as in `road_of`."""
+    """A participant at every so many steps of a time (s), counted from an origin; `heights` as in
+    `road_of`."""
     columns, box = track.columns, track.box
     heading = np.unwrap(columns["h"])
     return {
@@ -324,7 +331,8 @@ def track_of(
 def _parts(
     time: NDArray[np.float64], there: NDArray[np.bool_], dt: float, stride: int
 ) -> list[tuple[int, NDArray[np.int64]]]:
-    """Stretches of consecutive samples at which something is there: number of the first sample, and rows."""
+    """Stretches of consecutive samples at which something is there: number of the first sample, and
+    rows."""
     ticks = np.rint(time / dt).astype(np.int64)
     rows = np.flatnonzero(there & (ticks % stride == 0))
     samples = ticks[rows] // stride
@@ -440,12 +448,14 @@ def replay_page(results: Sequence[RunResult], report: str | None = None) -> str:
 
 
 def keep_replay(result: RunResult, out: Path | None) -> None:
-    """Write the page of a run into the folder of its results below `out`, or into the working directory."""
+    """Write the page of a run into the folder of its results below `out`, or into the working
+    directory."""
     write_replay([result], kept_replay(result.name, out), None if out is None else TO_REPORT)
 
 
 def kept_replay(name: str, out: Path | None) -> Path:
-    """The page of a run by its name: in the folder of its results below `out`, or in the working directory."""
+    """The page of a run by its name: in the folder of its results below `out`, or in the working
+    directory."""
     return Path(f"{name}.html") if out is None else out / name / REPLAY
 
 

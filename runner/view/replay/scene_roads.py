@@ -1,4 +1,5 @@
-"""Roads in replays: lane surfaces and marks near a run, outlines of objects, signals with their states over time.
+"""Roads in replays: lane surfaces and marks near a run, outlines of objects, signals with their
+states over time.
 
 Heights belong to all of them: pages show roads from above and in three dimensions."""
 
@@ -70,7 +71,8 @@ class Area(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """Appearance of marks: `pattern` solid, broken, dots or unmarked (a border without marks), colour, width in m."""
+    """Appearance of marks: `pattern` solid, broken, dots or unmarked (a border without marks),
+    colour, width in m."""
 
     pattern: str
     colour: str
@@ -78,7 +80,8 @@ class Marks(NamedTuple):
 
 
 def surfaces(network: RoadNetwork, area: Area) -> dict[str, list[Line]]:
-    """Outlines of lanes within an area, by how they look: the permanent ones, which the surface is made of.
+    """Outlines of lanes within an area, by how they look: the permanent ones, which the surface is
+    made of.
 
     The first half of a ring is one border of a lane, the second half the other one backwards, with
     as many points: the n-th
@@ -109,7 +112,8 @@ _EDGE = Marks("unmarked", "standard", _WIDTH)
 
 
 def marks(network: RoadNetwork, area: Area) -> dict[Marks, list[Line]]:
-    """Lines of marks within an area, by how they look; those of temporary lanes come last, to lie above the permanent ones."""
+    """Lines of marks within an area, by how they look; those of temporary lanes come last, to lie
+    above the permanent ones."""
     layers: dict[str, dict[Marks, list[Line]]] = {
         PERMANENT: defaultdict(list),
         TEMPORARY: defaultdict(list),
@@ -197,7 +201,8 @@ def _boundary(network: RoadNetwork, junction: Junction) -> list[Line]:
 
 
 def _outer_border(road: Road, lane_id: int, start: float, end: float) -> Line:
-    """Return the outer border of a lane from s to s, in that order, over lane sections in which the lane exists."""
+    """Return the outer border of a lane from s to s, in that order, over lane sections in which the
+    lane exists."""
     low, high = sorted((start, end))
     found = []
     for section in road.sections:
@@ -211,7 +216,8 @@ def _outer_border(road: Road, lane_id: int, start: float, end: float) -> Line:
 
 
 def _strokes(mark: RoadMark) -> Iterator[tuple[Marks, float]]:
-    """The single lines of a mark, and how far outside (left, on the centre line: right) of the border each is, m."""
+    """The single lines of a mark, and how far outside (left, on the centre line: right) of the
+    border each is, m."""
     width = mark.width or _WIDTH
     if mark.type in _PAIRS:
         for letter, aside in zip(_PAIRS[mark.type], (-0.5, 0.5), strict=True):
@@ -277,7 +283,8 @@ def _border(road: Road, along: NDArray[np.float64], border: Profile, aside: floa
 
 
 def _clipped(strips: Iterable[NDArray[np.float64]], area: Area) -> list[NDArray[np.float64]]:
-    """The pieces of strips (sides, stations, 3) that have something in an area, without stretches of no width."""
+    """The pieces of strips (sides, stations, 3) that have something in an area, without stretches
+    of no width."""
     kept = []
     for strip in strips:
         low = np.minimum(strip[:, :-1], strip[:, 1:]).min(axis=0)
@@ -398,7 +405,8 @@ def _lanes(road: Road) -> Iterator[Line]:
 
 
 def _built(road: Road, structure: Structure) -> Iterator[tuple[str, ObjectBlock]]:
-    """Parapets of a bridge; walls of a tunnel and the stretch that it covers, which has no roof that would hide the traffic."""
+    """Parapets of a bridge; walls of a tunnel and the stretch that it covers, which has no roof
+    that would hide the traffic."""
     start, end = max(structure.s, 0.0), min(structure.s + structure.length, road.length)
     if start >= end:
         return
@@ -462,8 +470,8 @@ def _placed(road: Road, thing: RoadObject, points: Line) -> Line:
 
 
 def signals(network: RoadNetwork, area: Area) -> list[dict[str, Any]]:
-    """Signals within an area: id, place of the foot (m), name, whether it changes; height above the foot (m), type, heading of
-    the face (rad), and whether the back has one, too."""
+    """Signals within an area: id, place of the foot (m), name, whether it changes; height above the
+    foot (m), type, heading of the face (rad), and whether the back has one, too."""
     found = []
     for signal in network.signals.values():
         x, y, z, h, *_ = network.road(signal.road_id).pose(signal.s, signal.t)

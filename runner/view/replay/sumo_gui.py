@@ -179,7 +179,8 @@ def _declare(traci: Any, number: int, track: Track, ego: bool) -> None:
 
 
 def _front(track: Track, row: int) -> tuple[float, float, float]:
-    """Middle of the front bumper (m) and SUMO's angle (degrees, clockwise from north) at a row of a track."""
+    """Middle of the front bumper (m) and SUMO's angle (degrees, clockwise from north) at a row of a
+    track."""
     x, y, h = (float(track.columns[name][row]) for name in ("x", "y", "h"))
     ahead, aside = track.box.x + track.box.length / 2, track.box.y
     return (

@@ -1,4 +1,5 @@
-"""Base of all commands: app, common options, errors as one line and an exit code, interruptions, progress bars."""
+"""Base of all commands: app, common options, errors as one line and an exit code, interruptions,
+progress bars."""
 
 from __future__ import annotations
 
@@ -69,7 +70,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip
-"""Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
+"""Headings of options by the names of their parameters; all other options stand under `Options`,
+before them."""
 SELDOM = frozenset({
     "sut_timeout", "sut_in_process", "least", "in_arrays", "timestep", "ego", "max_time", "world", "end_after_collision",
     "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict", "road", "catalog_path", "osi", "plot", "gui",
@@ -106,7 +108,8 @@ class CommandGroup(_HelpInFull, TyperGroup):
 
 
 class GroupedCommand(_HelpInFull, TyperCommand):
-    """A command whose help has options under headings, and whose defaults are those of the settings file."""
+    """A command whose help has options under headings, and whose defaults are those of the settings
+    file."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
@@ -239,7 +242,8 @@ class App(typer.Typer):
 # options and their policy ----------------------------------------------------------------------
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
-"""Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
+"""Shows progress: takes a description and the number of steps, gives a function to call with how
+many more of them are done."""
 PIPE_CLOSED = 141
 """Exit code that shells give to what SIGPIPE has ended"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -298,7 +302,8 @@ def limits_parameters(*left_out: str) -> list[inspect.Parameter]:
 
 
 def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command --untrusted and the limits, and let it work under the policy that they and its arguments state.
+    """Give a command --untrusted and the limits, and let it work under the policy that they and its
+    arguments state.
 
     Args:
         left_out: names of limits that make no difference to the command.
@@ -359,7 +364,8 @@ _PACKAGES = [
 
 
 def _installed() -> list[Path]:
-    """Folders of installed packages, which may be outside of the environment: those of the user, or of the system."""
+    """Folders of installed packages, which may be outside of the environment: those of the user, or
+    of the system."""
     return [
         folder
         for folder in map(Path, sys.path)
@@ -368,7 +374,8 @@ def _installed() -> list[Path]:
 
 
 def _limits(given: dict[str, Any]) -> CommandPolicy:
-    """Return the limits that the options give, over those of the policy for untrusted files or of none."""
+    """Return the limits that the options give, over those of the policy for untrusted files or of
+    none."""
     base = UNTRUSTED if given.pop("untrusted") else CommandPolicy()
     return replace(base, **{name: value for name, value in given.items() if value is not None})
 
@@ -390,7 +397,8 @@ def _without_glob(name: str | Path) -> str | Path:
 
 
 def new_app(name: str | None = None, group: type[TyperGroup] = CommandGroup) -> typer.Typer:
-    """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
+    """An app that leaves errors to its caller, and prints plain text; with a name and a group where
+    it has subcommands."""
     return App(
         name=name,
         cls=group,
@@ -451,7 +459,8 @@ def _begin() -> None:
 
 
 def _listen() -> None:
-    """Take signals as interrupts, the first of them; a second one ends the process at once. What is ignored (nohup) stays so.
+    """Take signals as interrupts, the first of them; a second one ends the process at once. What is
+    ignored (nohup) stays so.
 
     Helper threads, and what libraries ignore, say nothing from then on.
     """
@@ -478,7 +487,8 @@ def _say_nothing(_: object) -> None:
 
 
 def print_anything() -> None:
-    """Let output hold what the terminal's encoding has no characters for: names of files may be of any bytes."""
+    """Let output hold what the terminal's encoding has no characters for: names of files may be of
+    any bytes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -487,7 +497,8 @@ def print_anything() -> None:
 def guarded(
     name: str, app: Callable[[], object], extra: str | None = None, traced: bool = True
 ) -> None:
-    """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error.
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v or
+    for an unexpected error.
 
     A closed pipe gives `PIPE_CLOSED`, output that can't be written (a full disk) is an error as any
     other.
@@ -536,7 +547,8 @@ def guarded(
 
 
 def _open_closed_output() -> None:
-    """Give a process that was started with closed streams ones that lead nowhere, before a file takes their numbers."""
+    """Give a process that was started with closed streams ones that lead nowhere, before a file
+    takes their numbers."""
     while (file := os.open(os.devnull, os.O_RDWR)) <= _STANDARD_ERROR:
         os.set_inheritable(file, True)
     os.close(file)
@@ -546,7 +558,8 @@ def _open_closed_output() -> None:
 
 
 def _settle_output() -> None:
-    """Send nowhere what could not be written, or the interpreter tries again when it ends, and reports an error."""
+    """Send nowhere what could not be written, or the interpreter tries again when it ends, and
+    reports an error."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -557,7 +570,8 @@ def _settle_output() -> None:
 
 
 def say(*lines: str, to: TextIO | None = None) -> None:
-    """Print lines that may hold names and messages from files, each escaped as one line; to standard output by default."""
+    """Print lines that may hold names and messages from files, each escaped as one line; to
+    standard output by default."""
     for line in lines:
         print(one_line(line), file=to or sys.stdout, flush=True)
 
@@ -593,7 +607,8 @@ def _interrupted(name: str, ending: KeyboardInterrupt, hint: str = "") -> int:
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one.
+    """A bar on standard error, where that is a terminal; yields a function to advance it by
+    finished items, or shares of one.
 
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """

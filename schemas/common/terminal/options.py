@@ -1,4 +1,5 @@
-"""Command-line options that are declared once, with the settings that they set: fields of a dataclass.
+"""Command-line options that are declared once, with the settings that they set: fields of a
+dataclass.
 
     @dataclass(frozen=True)
     class Settings:
@@ -37,11 +38,13 @@ _LISTS: dict[str, tuple[type, Any]] = {
     "Sequence[Path]": (tuple, list[Path]),
     "Mapping[str, str]": (dict, list[str]),
 }
-"""Fields of options that can be repeated, with the types of field and given values; a mapping is given as NAME=VALUE"""
+"""Fields of options that can be repeated, with the types of field and given values; a mapping is
+given as NAME=VALUE"""
 
 
 class FileUse(Enum):
-    """Use of the files and folders that an option names; part of its annotation, as in `Annotated[Path, WRITTEN, typer.Option()]`."""
+    """Use of the files and folders that an option names; part of its annotation, as in
+    `Annotated[Path, WRITTEN, typer.Option()]`."""
 
     READ = "read"
     WRITTEN = "written"
@@ -97,7 +100,8 @@ def _is_path(kind: Any) -> bool:
 
 
 def completed(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Completion of an option's value in shells, for `autocompletion`: the names that begin as typed."""
+    """Completion of an option's value in shells, for `autocompletion`: the names that begin as
+    typed."""
 
     def complete(incomplete: str) -> list[str]:
         return [name for name in names() if name.startswith(incomplete)]
@@ -108,11 +112,13 @@ def completed(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
 Section = Callable[[], tuple[str, list[tuple[str, str]]]]
 """Gives a heading, and names with a line each; called when help is printed."""
 sections: dict[str, Section] = {}
-"""Sections that follow the options in the help of every command that has an option, by the name of its parameter"""
+"""Sections that follow the options in the help of every command that has an option, by the name of
+its parameter"""
 
 
 def explain(option: str, section: Section) -> None:
-    """Add a section to the help of every command that has an option, given by the name of its parameter."""
+    """Add a section to the help of every command that has an option, given by the name of its
+    parameter."""
     sections[option] = section
 
 
@@ -176,7 +182,8 @@ def options_of(settings: type) -> list[inspect.Parameter]:
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of its settings: those of the fields of each parameter whose annotation is a dataclass."""
+    """Give a command the options of its settings: those of the fields of each parameter whose
+    annotation is a dataclass."""
     own = inspect.signature(command, eval_str=True).parameters.values()
     settings = {
         parameter.name: parameter.annotation

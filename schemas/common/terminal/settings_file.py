@@ -1,4 +1,5 @@
-"""Settings of a project: `xosc.toml`, or the table `[tool.xosc]` of `pyproject.toml`, in the working folder or above it.
+"""Settings of a project: `xosc.toml`, or the table `[tool.xosc]` of `pyproject.toml`, in the
+working folder or above it.
 
     sut = "adas"
     fail-if = ["min_ttc<1"]
@@ -118,7 +119,8 @@ class SettingsFile(NamedTuple):
         return begin
 
     def value(self, setting: Setting, table: str = "") -> Any:
-        """Return the checked value of a setting that the file has; paths as from the working folder.
+        """Return the checked value of a setting that the file has; paths as from the working
+        folder.
 
         Raises:
             InvalidFile: it is of another type.
@@ -182,7 +184,8 @@ class SettingsFile(NamedTuple):
 
 
 def locate(folder: Path | None = None) -> Path | None:
-    """Return the settings file that holds in a folder, by default the working folder; None where there is none."""
+    """Return the settings file that holds in a folder, by default the working folder; None where
+    there is none."""
     start = Path(os.path.abspath(folder or os.curdir))
     for place in (start, *start.parents):
         if (place / FILE).is_file():

@@ -16,8 +16,8 @@ from typing import Any
 
 _MOST_SHOWN = 5
 _COMMAND = re.compile(r"^\s*(?=::)|(?<=#)(?=#\w*\[)")
-"""Start of a workflow command in a line of text: GitHub (`::error::`, `##[error]`), Azure (`##vso[…]`), TeamCity
-(`##teamcity[…]`)"""
+"""Start of a workflow command in a line of text: GitHub (`::error::`, `##[error]`), Azure
+(`##vso[…]`), TeamCity (`##teamcity[…]`)"""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 _MARKS = re.compile(r"([\\`*_{}\[\]<>|])")
 
@@ -37,7 +37,8 @@ def one_line(text: str) -> str:
 
 
 def of_service(report: str) -> str:
-    """A report as a CI service's log or a terminal may have it: what they would obey is written as references to its characters.
+    """A report as a CI service's log or a terminal may have it: what they would obey is written as
+    references to its characters.
 
     Args:
         report: in JSON or XML; another text stays as it is.
@@ -63,7 +64,8 @@ def _xml_reference(character: str) -> str:
 
 
 def cell(value: Any) -> Any:
-    """A value as a cell of CSV: a text that a spreadsheet would compute begins with `'`; numbers, and texts that are one, stay.
+    """A value as a cell of CSV: a text that a spreadsheet would compute begins with `'`; numbers,
+    and texts that are one, stay.
 
     Source: OWASP, CSV Injection.
     """
@@ -94,7 +96,8 @@ def csv_text(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def xml_text(text: str) -> str:
-    """Text without the characters that XML can't hold or a viewer would obey; line breaks and tabs stay."""
+    """Text without the characters that XML can't hold or a viewer would obey; line breaks and tabs
+    stay."""
     return "".join(c if c.isprintable() or c in "\n\t" else "\ufffd" for c in text)
 
 
@@ -109,11 +112,13 @@ def markdown(text: str) -> str:
     return _MARKS.sub(r"\\\1", one_line(text))
 
 
-# words of messages ----------------------------------------------------------------------------------
+# words of messages
+# ----------------------------------------------------------------------------------
 
 
 def many(count: int, one: str, several: str = "") -> str:
-    """A number of things, as `1 run`, `2,000 runs`; `several` where the plural is not one with an s."""
+    """A number of things, as `1 run`, `2,000 runs`; `several` where the plural is not one with an
+    s."""
     return f"{count:,} {one if count == 1 else several or f'{one}s'}"
 
 

@@ -1,10 +1,12 @@
-"""XSDs of versions that no dependency brings: the XSD of an earlier version with a described difference applied.
+"""XSDs of versions that no dependency brings: the XSD of an earlier version with a described
+difference applied.
 
 A difference is a file of this folder, named `STANDARD-EARLIER-LATER.txt`, with a line for each
 change:
 
-    Motion @ speed_longitudinal: Double?        an optional attribute (without `?` a required one, with `=1` one of this value)
-    Vertex > Motion: Motion?                    a child element at the end of the content: `?` at most one, `*` any number,
+    Motion @ speed_longitudinal: Double?        an optional attribute (without `?` a required one,
+    with `=1` one of this value) Vertex > Motion: Motion?                    a child element at the
+    end of the content: `?` at most one, `*` any number,
                                                 `+` one or more, `{2,}` two or more, none of them
                                                 exactly one
     TrafficDistribution ^ choice 2              the content is a choice that may be made twice
@@ -13,13 +15,14 @@ change:
     Role | construction other                   values of an enumeration
     t_place + t_grZero e_contactPoint           a value of one of these types
     Interpolation                               a type without content
-    t_junction_direct < t_junction              the type is defined anew, as an extension of the other
-    t_junction ~ abstract                       the type is only extended
-    t_header - offset license                   children, attributes, keys or groups that are removed
-    boundary ? segment: t_lane if @type='lane'  the type of a child under a condition (without `if`: in all other cases)
-    group & t_header t_license                  the group, any number of times, ends the content of these types
-    OBJECT ! not(@radius and @width)            an assertion (XPath 2.0)
-    OpenDRIVE = k_path: junction/crossPath @id  a key; followed by `> k_road` a reference to that key
+    t_junction_direct < t_junction              the type is defined anew, as an extension of the
+    other t_junction ~ abstract                       the type is only extended t_header - offset
+    license                   children, attributes, keys or groups that are removed boundary ?
+    segment: t_lane if @type='lane'  the type of a child under a condition (without `if`: in all
+    other cases) group & t_header t_license                  the group, any number of times, ends
+    the content of these types OBJECT ! not(@radius and @width)            an assertion (XPath 2.0)
+    OpenDRIVE = k_path: junction/crossPath @id  a key; followed by `> k_road` a reference to that
+    key
 
 Several attributes or children are separated by commas. A type that the earlier version lacks is
 made where it is first named; what is there by the same name is replaced in its place. Enumerations
@@ -107,7 +110,8 @@ def known_differences() -> tuple[Difference, ...]:
 
 
 def additions(difference: Difference) -> Iterator[tuple[str, str, str]]:
-    """Type, sign and name of each addition; values of an enumeration are added once, under the name "values"."""
+    """Type, sign and name of each addition; values of an enumeration are added once, under the name
+    "values"."""
     told: set[str] = set()
     for name, sign, rest in difference.lines():
         if sign in (ATTRIBUTE, CHILD):
@@ -177,7 +181,8 @@ def _type(root: etree._Element, name: str, tag: str = "complexType") -> etree._E
 
 
 def _content(kind: etree._Element) -> etree._Element:
-    """The element that holds the children and attributes of a type: the extension, where it extends another type."""
+    """The element that holds the children and attributes of a type: the extension, where it extends
+    another type."""
     extension = kind.find(f"{_XSD}complexContent/{_XSD}extension")
     return kind if extension is None else extension
 

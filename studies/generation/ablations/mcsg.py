@@ -1,4 +1,5 @@
-"""MCSG without a part of it: the reward's form or realism, coordination, elite, learning, manoeuvre parameters, the policy."""
+"""MCSG without a part of it: the reward's form or realism, coordination, elite, learning, manoeuvre
+parameters, the policy."""
 
 from __future__ import annotations
 

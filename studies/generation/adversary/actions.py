@@ -1,4 +1,5 @@
-"""Actions of recorded drivers that cut in: states around the vehicle they cut in on, and the accelerations that followed."""
+"""Actions of recorded drivers that cut in: states around the vehicle they cut in on, and the
+accelerations that followed."""
 
 from __future__ import annotations
 
@@ -36,13 +37,15 @@ accelerations, m/s²."""
 ACTION = ("along", "across")
 """Action of a driver: its accelerations (m/s²) at the next decision."""
 OWN = Path(__file__).with_name("own.parquet")
-"""Actions in our own recordings of motorways, by `benchmarks/record.py` and `python -m studies.generation actions --out`"""
+"""Actions in our own recordings of motorways, by `benchmarks/record.py` and `python -m
+studies.generation actions --out`"""
 _LEAD_IN = 1.0
 """Time (s) before the lane change at which an episode begins"""
 _LEAST = 8
 """Decisions of an episode at least"""
 _WIDE = 0.4
-"""Half the time (s) over which speeds and accelerations across the road are differences: recordings tell centimetres"""
+"""Half the time (s) over which speeds and accelerations across the road are differences: recordings
+tell centimetres"""
 _DIGITS = 2
 _NEXT = tuple(f"next_{name}" for name in ACTION)
 
@@ -172,7 +175,8 @@ def _extracted(source: Source, roads: Path) -> Actions:
 
 
 def _episode(motion: LaneCoordinates, unit: Unit) -> Iterator[FloatArray]:
-    """States and actions (k, 9) around the lane change of a unit, for as long as both are there; none where that is too short."""
+    """States and actions (k, 9) around the lane change of a unit, for as long as both are there;
+    none where that is too short."""
     scene = motion.scene
     wide, every = scene.rows(_WIDE), scene.rows(INTERVAL)
     first = max(unit.start - scene.rows(_LEAD_IN), int(motion.first[unit.start]) + wide)
@@ -192,7 +196,8 @@ def _episode(motion: LaneCoordinates, unit: Unit) -> Iterator[FloatArray]:
 def _states(
     motion: LaneCoordinates, rows: IntArray, others: IntArray, wide: int, shift: float
 ) -> FloatArray:
-    """States (k, 7) at rows of a driver and of the other one; `wide` is half the rows that differences reach over."""
+    """States (k, 7) at rows of a driver and of the other one; `wide` is half the rows that
+    differences reach over."""
     scene, side = motion.scene, -np.sign(shift)
     time, lateral = wide * scene.step, motion.lateral
     dx, dy, h = scene.x[rows] - scene.x[others], scene.y[rows] - scene.y[others], scene.h[others]

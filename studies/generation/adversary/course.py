@@ -1,4 +1,5 @@
-"""Courses of many episodes at once: an ego with its system under test beside an actor that the caller moves.
+"""Courses of many episodes at once: an ego with its system under test beside an actor that the
+caller moves.
 
 The ego moves, and its system is asked, as in runs in arrays (`runner.engine.storyboard.batch_run`);
 everything that is found here is run on SUMO before it is reported.
@@ -95,8 +96,8 @@ class Scene:
         return a.x + a.length / 2 + b.length / 2 - b.x
 
     def inside(self, t: FloatArray) -> BoolArray:
-        """Return a mask of lateral positions (m) between the middles of the outermost lanes, or up to half a metre beyond
-        (n,)."""
+        """Return a mask of lateral positions (m) between the middles of the outermost lanes, or up
+        to half a metre beyond (n,)."""
         lanes = list(self.lanes.values())
         return (t >= min(lanes) - 0.5) & (t <= max(lanes) + 0.5)
 
@@ -176,7 +177,8 @@ class Course:
         self.going &= ~rows
 
     def advance(self, s: FloatArray, t: FloatArray) -> None:
-        """One step, in which the actor moves to s and t of the road (n,), m, and the ego as its driver decides."""
+        """One step, in which the actor moves to s and t of the road (n,), m, and the ego as its
+        driver decides."""
         ego, actor, dt = self.ego, self.actor, self.dt
         batch: Any = self
         speed = ego.target_speed if self._driver is None else self._driver.decide(batch, ego)
@@ -194,7 +196,8 @@ class Course:
 
     @property
     def gap(self) -> FloatArray:
-        """From the ego's front to the actor's rear along the road (n,), m; negative once it is past that."""
+        """From the ego's front to the actor's rear along the road (n,), m; negative once it is past
+        that."""
         gap: FloatArray = self.actor.s - self.ego.s - self.scene.between
         return gap
 
@@ -226,7 +229,8 @@ class Course:
 
 
 def replayed(scene: Scene, sut: Any, starts: FloatArray, ways: FloatArray, dt: float) -> Course:
-    """The episodes in which the actor goes the same ways (n, steps + 1, 2), m, whatever the ego does, at their ends."""
+    """The episodes in which the actor goes the same ways (n, steps + 1, 2), m, whatever the ego
+    does, at their ends."""
     with Course(scene, sut, starts, dt) as course:
         for step in range(1, ways.shape[1]):
             course.advance(ways[:, step, 0], ways[:, step, 1])

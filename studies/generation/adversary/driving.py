@@ -106,7 +106,8 @@ class Driving:
         return _log_density(self._joint, self._state, np.hstack([states, actions]))
 
     def likeliest(self, states: FloatArray) -> FloatArray:
-        """The likeliest (n, 2) of the means that the parts of the mixture have for the actions in states (n, 7)."""
+        """The likeliest (n, 2) of the means that the parts of the mixture have for the actions in
+        states (n, 7)."""
         given, free = np.array(_GIVEN), np.arange(len(STATE), len(STATE) + len(ACTION))
         joint, candidates = self._joint, []
         for mean, covariance in zip(joint.means, joint.covariances, strict=True):
@@ -121,7 +122,8 @@ class Driving:
     def kept(
         self, states: FloatArray, wanted: FloatArray, sums: FloatArray, before: int
     ) -> tuple[FloatArray, FloatArray]:
-        """Actions (n, 2) as near to the wanted ones as limits and likelihood allow, and their log-densities (n,).
+        """Actions (n, 2) as near to the wanted ones as limits and likelihood allow, and their
+        log-densities (n,).
 
         Args:
             states: (n, 7). wanted: (n, 2), m/s².
@@ -157,7 +159,8 @@ def _log_density(joint: Components, state: Components, rows: FloatArray) -> Floa
 
 
 def _least(actions: Actions, log_density: FloatArray) -> FloatArray:
-    """Mean log-densities (k,) that all but 1 % of the episodes reach after 1 … k decisions; the last holds for longer ones."""
+    """Mean log-densities (k,) that all but 1 % of the episodes reach after 1 … k decisions; the
+    last holds for longer ones."""
     rank, least = actions.rank, []
     for count in range(1, DECISIONS + 1):
         long = np.isin(actions.episodes, actions.episodes[rank == count - 1]) & (rank < count)
@@ -171,7 +174,8 @@ def _least(actions: Actions, log_density: FloatArray) -> FloatArray:
 
 
 def _needed(least: FloatArray, usual: float) -> FloatArray:
-    """Sums of log-densities (k,) after 1 … k decisions from which all later ones can be reached by the likeliest actions.
+    """Sums of log-densities (k,) after 1 … k decisions from which all later ones can be reached by
+    the likeliest actions.
 
     Args:
         least: means after 1 … k decisions. usual: log-density that the likeliest action has nearly

@@ -1,4 +1,5 @@
-"""The adversary's side of many episodes at once: what it sees, how its accelerations move it, what it is after."""
+"""The adversary's side of many episodes at once: what it sees, how its accelerations move it, what
+it is after."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from studies.generation.adversary.driving import Driving
 from studies.generation.adversary.shape import shape
 
 OBSERVED = len(STATE) + 3
-"""Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is left to spend"""
+"""Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is
+left to spend"""
 _SPENT, _BRAKING = 10.0, 5.0
 """Log-density, and acceleration of the ego (m/s²), that the policy sees as 1"""
 _UNPREVENTED = 0.1
@@ -57,7 +59,8 @@ class Episodes:
 
 
 class Transitions(NamedTuple):
-    """Training data of a policy: rows of observation, action (−1 to 1), reward, next observation, and end flag."""
+    """Training data of a policy: rows of observation, action (−1 to 1), reward, next observation,
+    and end flag."""
 
     seen: FloatArray
     done: FloatArray
@@ -211,7 +214,8 @@ class _Adversary:
         )
 
     def act(self, wanted: FloatArray) -> FloatArray:
-        """Do what is nearest to the wanted (n, 2), −1 to 1, that is foreseeable; what is done, on the same scale."""
+        """Do what is nearest to the wanted (n, 2), −1 to 1, that is foreseeable; what is done, on
+        the same scale."""
         limits, state = self._driving.limits, self.state
         middle, half = 0.5 * (limits.high + limits.low), 0.5 * (limits.high - limits.low)
         action, self.density = self._driving.kept(

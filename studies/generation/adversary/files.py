@@ -1,4 +1,5 @@
-"""Failures that an adversary has found as scenarios of the standard: the actor follows a trajectory with times.
+"""Failures that an adversary has found as scenarios of the standard: the actor follows a trajectory
+with times.
 
 The ego begins where and as fast as it did in the episode, with its system under test; no search and
 no policy is needed to see the failure again, by `xosc-run FILE --sut NAME`.

@@ -81,7 +81,8 @@ def generate(
     settings: Settings,
     progress: Callable[[int], None] = lambda episodes: None,
 ) -> Written:
-    """Have an adversary learn in arrays, write what it finds, and run every file: those that fail to the step stay.
+    """Have an adversary learn in arrays, write what it finds, and run every file: those that fail
+    to the step stay.
 
     Raises:
         Unsupported: the scenario or the system is nothing that plays in arrays.
@@ -122,7 +123,8 @@ def _generated(
 
 
 def starts_of(scenario: Path, pinned: Mapping[str, str]) -> Starts:
-    """Draws how episodes begin, as recorded cut-ins do: foreseeable points of the scenario's parameters, those of the start.
+    """Draws how episodes begin, as recorded cut-ins do: foreseeable points of the scenario's
+    parameters, those of the start.
 
     Raises:
         UsageError: the scenario has no parameters of a cut-in, or nothing that is recorded is

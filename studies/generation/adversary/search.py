@@ -114,8 +114,9 @@ def search(
 
 
 def described(episodes: Episodes, dt: float) -> FloatArray:
-    """Return the coordinates that distinguish failures (n, 6): gap (m), initial speeds of actor and ego (m/s), time of the
-    contact (s), the actor's speed then (m/s), and its lateral displacement (m)."""
+    """Return the coordinates that distinguish failures (n, 6): gap (m), initial speeds of actor and
+    ego (m/s), time of the contact (s), the actor's speed then (m/s), and its lateral displacement
+    (m)."""
     rows, at = np.arange(len(episodes.contact)), episodes.contact.clip(1)
     last, before = episodes.ways[rows, at], episodes.ways[rows, at - 1]
     speed = np.hypot(*(last - before).T) / dt

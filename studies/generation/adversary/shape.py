@@ -20,11 +20,13 @@ Shape = Callable[[Course], FloatArray]
 _NEAR = 5.0
 """Distance (m) at which nearness counts 1/e"""
 _HEADWAY = (0.0, 1.0, 3.0)
-"""Peaks (s) of the fuzzy sets of the time headway: beside the ego (or behind its front), short, long"""
+"""Peaks (s) of the fuzzy sets of the time headway: beside the ego (or behind its front), short,
+long"""
 _CLOSING = (-4.0, 0.0, 4.0)
 """Peaks (m/s) of those of the closing speed: opening, even, closing"""
 _WEIGHT = np.array([[1.0, 1.0, 1.0], [0.5, 0.75, 1.0], [0.5, 0.75, 1.0]])
-"""A rule for each two of these: the weight of the risk field's probability; the rest is that of nearness.
+"""A rule for each two of these: the weight of the risk field's probability; the rest is that of
+nearness.
 
 Beside the ego nearness leads nowhere, as recorded drivers have no contact; where one is far ahead
 and opening, the risk field is flat. Of three tables tried on development seeds this one finds

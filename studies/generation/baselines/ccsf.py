@@ -23,7 +23,8 @@ def ccsf(
     seed: int,
     settings: McsgSettings = McsgSettings(),  # noqa: B008
 ) -> History:
-    """MCSG's policy and stages, with edits of single parameters, always from real scenarios, rewarded for criticality alone."""
+    """MCSG's policy and stages, with edits of single parameters, always from real scenarios,
+    rewarded for criticality alone."""
     return rewarded(
         partial(mcsg, settings=settings, edits=single, starts=RealStarts),
         problem,

@@ -1,4 +1,5 @@
-"""RLTester: a deep Q-network that moves one parameter by one step at a time towards the least time to collision.
+"""RLTester: a deep Q-network that moves one parameter by one step at a time towards the least time
+to collision.
 
 V. Mnih et al., Human-level control through deep reinforcement learning, Nature 518, 2015.
 """
@@ -58,7 +59,8 @@ class DQNSettings:
 def rltester(
     problem: SearchProblem, budget: int, seed: int, settings: DQNSettings = DQNSettings()
 ) -> History:
-    """Walks through the unit cube from uniform starts; the reward of a step is −min TTC of the scenario that it leads to."""
+    """Walks through the unit cube from uniform starts; the reward of a step is −min TTC of the
+    scenario that it leads to."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     d = len(problem.space.parameters)
     with seeded(seed):
@@ -84,7 +86,8 @@ def rltester(
 
 
 class _Agent:
-    """A Q-network over states (n, d) and the 2d steps, with its replay memory; episodes are cut off, they do not end."""
+    """A Q-network over states (n, d) and the 2d steps, with its replay memory; episodes are cut
+    off, they do not end."""
 
     def __init__(self, d: int, settings: DQNSettings) -> None:
         self._settings, self._actions = settings, 2 * d

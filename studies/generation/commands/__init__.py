@@ -1,1 +1,2 @@
-"""The experiments as subcommands of `python -m studies.generation`, one module each: its function `command`."""
+"""The experiments as subcommands of `python -m studies.generation`, one module each: its function
+`command`."""

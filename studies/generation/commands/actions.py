@@ -1,4 +1,5 @@
-"""`python -m studies.generation actions`: how far recorded drivers who cut in go, and how well their density foretells others."""
+"""`python -m studies.generation actions`: how far recorded drivers who cut in go, and how well
+their density foretells others."""
 
 from __future__ import annotations
 

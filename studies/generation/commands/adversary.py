@@ -1,4 +1,5 @@
-"""`python -m studies.generation adversary`: search for failures by an adversary that acts within the episode."""
+"""`python -m studies.generation adversary`: search for failures by an adversary that acts within
+the episode."""
 
 from __future__ import annotations
 
@@ -69,7 +70,8 @@ def command(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Train an adversary in arrays, and write each failure that the simulator confirms to the step as a scenario.
+    """Train an adversary in arrays, and write each failure that the simulator confirms to the step
+    as a scenario.
 
     Exit codes: 0 failures are written, 1 there is none.
     """

@@ -1,4 +1,5 @@
-"""`python -m studies.generation conditional`: compare a conditional flow with the density that judges pairs."""
+"""`python -m studies.generation conditional`: compare a conditional flow with the density that
+judges pairs."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare conditional flows with the density that judges pairs, on recordings that were not fitted; needs zuko."""
+    """Compare conditional flows with the density that judges pairs, on recordings that were not
+    fitted; needs zuko."""
     import numpy as np
 
     from generation.space.logical.maneuvers import EGO

@@ -1,4 +1,5 @@
-"""`python -m studies.generation crosscheck`: P(failure | manoeuvre) by OpenTURNS, crude Monte Carlo and ours, in arrays."""
+"""`python -m studies.generation crosscheck`: P(failure | manoeuvre) by OpenTURNS, crude Monte Carlo
+and ours, in arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all in arrays; needs openturns."""
+    """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all in
+    arrays; needs openturns."""
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from generation.space.density.prior import RecordedPrior
     from studies.generation.crosscheck import openturns, subset_simulation

@@ -1,4 +1,5 @@
-"""`python -m studies.generation densities`: which density says most of recordings that it has not seen."""
+"""`python -m studies.generation densities`: which density says most of recordings that it has not
+seen."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by recording.
+    """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by
+    recording.
 
     With --runs they are simulated too: recorded units with their own values, and draws of the
     densities.

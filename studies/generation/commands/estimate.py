@@ -1,4 +1,5 @@
-"""`python -m studies.generation estimate`: count intervals of estimates that cover the truth of many draws in arrays."""
+"""`python -m studies.generation estimate`: count intervals of estimates that cover the truth of
+many draws in arrays."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Repeat the estimate in arrays in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
+    """Repeat the estimate in arrays in the place of SUMO, without control, and compare it with
+    crude Monte Carlo there."""
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from studies.generation.problem import posed
     from studies.generation.truth import crude, searched

@@ -1,4 +1,5 @@
-"""`python -m studies.generation foreseen`: what the limit of what is foreseeable lets pass where there are two adversaries."""
+"""`python -m studies.generation foreseen`: what the limit of what is foreseeable lets pass where
+there are two adversaries."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare limits of what is foreseeable by what they let pass: recorded pairs, draws, draws that collide, those of them that
-    neither adversary brings about alone, the whole space."""
+    """Compare limits of what is foreseeable by what they let pass: recorded pairs, draws, draws
+    that collide, those of them that neither adversary brings about alone, the whole space."""
     from tempfile import TemporaryDirectory
 
     from generation.search.plays import ArrayPlays

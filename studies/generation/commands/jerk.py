@@ -1,4 +1,5 @@
-"""`python -m studies.generation jerk`: what a limited jerk of a braking leader is worth to a search."""
+"""`python -m studies.generation jerk`: what a limited jerk of a braking leader is worth to a
+search."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Count the draws of recorded braking that fail with their jerk and with accelerations that jump."""
+    """Count the draws of recorded braking that fail with their jerk and with accelerations that
+    jump."""
     import numpy as np
 
     from studies.generation.jerk import compare

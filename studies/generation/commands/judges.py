@@ -1,4 +1,5 @@
-"""`python -m studies.generation judges`: collisions of reference drivers in replays of recorded units."""
+"""`python -m studies.generation judges`: collisions of reference drivers in replays of recorded
+units."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Replay all recorded units in arrays with each reference driver, and count collisions by kind of site."""
+    """Replay all recorded units in arrays with each reference driver, and count collisions by kind
+    of site."""
     from generation.space.recorded import kind_of, of_recordings, of_samples
     from generation.space.space import Space
     from schemas.common.errors import UsageError

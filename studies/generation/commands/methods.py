@@ -1,4 +1,5 @@
-"""`python -m studies.generation methods`: all methods on one problem; an interrupted comparison continues."""
+"""`python -m studies.generation methods`: all methods on one problem; an interrupted comparison
+continues."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare MCSG with every method beside it: same problem, same simulator, same number of its calls.
+    """Compare MCSG with every method beside it: same problem, same simulator, same number of its
+    calls.
 
     After an interruption the same command continues; more seeds and methods can be added later.
     """

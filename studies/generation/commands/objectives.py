@@ -1,4 +1,5 @@
-"""`python -m studies.generation objectives`: what learning is worth to an adversary that acts within the episode."""
+"""`python -m studies.generation objectives`: what learning is worth to an adversary that acts
+within the episode."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Count the failures in arrays of actions that are drawn evenly, and of policies that learn by each objective."""
+    """Count the failures in arrays of actions that are drawn evenly, and of policies that learn by
+    each objective."""
     from generation.search.plays import ArrayPlays
     from generation.space.space import Space
     from studies.generation.adversary.actions import OWN, Actions

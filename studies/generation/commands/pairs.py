@@ -1,4 +1,5 @@
-"""`python -m studies.generation pairs`: failures of a system under test that one adversary alone does not bring about."""
+"""`python -m studies.generation pairs`: failures of a system under test that one adversary alone
+does not bring about."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Search for failures with two adversaries, and run them again with each alone: what needs both, no single one reaches."""
+    """Search for failures with two adversaries, and run them again with each alone: what needs
+    both, no single one reaches."""
     from tempfile import TemporaryDirectory
 
     from generation.search.methods.cover import cover

@@ -1,4 +1,5 @@
-"""`python -m studies.generation plays`: how often verdicts of plays in arrays are SUMO's, and how fast it is."""
+"""`python -m studies.generation plays`: how often verdicts of plays in arrays are SUMO's, and how
+fast it is."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare verdicts of plays in arrays with those of SUMO, for the system under test and all reference drivers."""
+    """Compare verdicts of plays in arrays with those of SUMO, for the system under test and all
+    reference drivers."""
     from studies.generation.agreement import measured
     from studies.generation.problem import posed
 

@@ -1,4 +1,5 @@
-"""`python -m studies.generation reconstruction`: how far the seven parameters lead from recorded manoeuvres."""
+"""`python -m studies.generation reconstruction`: how far the seven parameters lead from recorded
+manoeuvres."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Measure the distance of recorded manoeuvres from their seven parameters: RMSE_t across the lane, RMSE_s along it."""
+    """Measure the distance of recorded manoeuvres from their seven parameters: RMSE_t across the
+    lane, RMSE_s along it."""
     from tempfile import TemporaryDirectory
 
     from recognition.labels.maneuvers.units import Samples, extract

@@ -1,4 +1,5 @@
-"""`python -m studies.generation rounds`: what the failures of a first search are worth to a second one."""
+"""`python -m studies.generation rounds`: what the failures of a first search are worth to a second
+one."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Count the distinct collisions of a second search with the failures of the first and without, at equal budgets.
+    """Count the distinct collisions of a second search with the failures of the first and without,
+    at equal budgets.
 
     The second search has another seed than the first; with and without failures it has the same
     one.

@@ -1,4 +1,5 @@
-"""`python -m studies.generation systems`: collisions of systems under test on the same cases, avoidable or not."""
+"""`python -m studies.generation systems`: collisions of systems under test on the same cases,
+avoidable or not."""
 
 from __future__ import annotations
 
@@ -68,7 +69,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Run every case with every system under test, and with the careful and competent driver of UN R157.
+    """Run every case with every system under test, and with the careful and competent driver of UN
+    R157.
 
     Every parameter set of a variation file is a case. Of a comparison of methods, the cases are the
     best ones of one method over all its seeds, no two of them much alike.

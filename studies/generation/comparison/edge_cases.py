@@ -1,4 +1,5 @@
-"""The edge cases that the searches of a study found, as scenarios to run: for comparisons of systems under test."""
+"""The edge cases that the searches of a study found, as scenarios to run: for comparisons of
+systems under test."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def opened(folder: Path, library: Path, recorded: Path | None = None) -> Study:
 
 
 def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
-    """The foreseeable collisions of all searches of one method that are apart from each other, the likelier first.
+    """The foreseeable collisions of all searches of one method that are apart from each other, the
+    likelier first.
 
     Raises:
         UsageError: the method's searches are not there, or are of trajectories.

@@ -1,4 +1,5 @@
-"""Figures of a study: where generated parameters lie, what was learnt, what the parts of MCSG bring, and the motions."""
+"""Figures of a study: where generated parameters lie, what was learnt, what the parts of MCSG
+bring, and the motions."""
 
 from __future__ import annotations
 
@@ -130,7 +131,8 @@ def _projections(study: Study, generated: Episodes) -> Figure:
 
 
 def _methods(study: Study, keys: list[Key]) -> Figure:
-    """For each method the first two principal components of recorded parameters, with those that it generates."""
+    """For each method the first two principal components of recorded parameters, with those that it
+    generates."""
     real = study.space.unit(study.recorded.theta)
     centre, spread = real.mean(axis=0), real.std(axis=0)
     axes_of = np.linalg.svd((real - centre) / spread, full_matrices=False)[2][:2].T

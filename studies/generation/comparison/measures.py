@@ -76,7 +76,8 @@ def measure(episodes: Episodes, problem: SearchProblem) -> Measures:
 
 
 def avoided(history: History, careful: Evaluate) -> float | None:
-    """Share of the last third's collisions, or of evenly chosen ones among them, where the careful driver has none.
+    """Share of the last third's collisions, or of evenly chosen ones among them, where the careful
+    driver has none.
 
     Runs of the careful driver that did not take place do not count; None where nothing is left to
     judge.

@@ -93,7 +93,8 @@ def _cell(values: list[float]) -> str:
 
 
 def write_report(study: Study) -> list[Table]:
-    """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
+    """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the
+    tables."""
     last, complete = results(study), results(study, complete=True)
     found = _tables(study, last, complete)
     text = "\n".join(

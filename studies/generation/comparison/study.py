@@ -122,7 +122,8 @@ class Study:
         self._stack.close()
 
     def pending(self, seeds: int, names: Sequence[str] | None = None) -> list[Key]:
-        """Searches that are not there yet, in the order in which `run` makes them: all methods of a seed, then the next seed."""
+        """Searches that are not there yet, in the order in which `run` makes them: all methods of a
+        seed, then the next seed."""
         keys = [
             Key(name, seed)
             for seed in range(seeds)
@@ -134,7 +135,8 @@ class Study:
     def run(
         self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None
     ) -> Iterator[Key]:
-        """Make searches; each is given back when it is on disk. `progress` is called with the number of points just evaluated."""
+        """Make searches; each is given back when it is on disk. `progress` is called with the
+        number of points just evaluated."""
 
         for key in pending:
             path, knots = self._path(key), key.method in TRAJECTORIES
@@ -159,7 +161,8 @@ class Study:
 
     @cached_property
     def trajectories(self) -> Trajectories:
-        """Inputs of methods that search trajectories: the same recorded manoeuvres, described by knots.
+        """Inputs of methods that search trajectories: the same recorded manoeuvres, described by
+        knots.
 
         Raises:
             UsageError: there are no trajectories beside the scenario.
@@ -182,7 +185,8 @@ class Study:
         return sorted(found, key=lambda key: (list(METHODS).index(key.method), key.seed))
 
     def history(self, key: Key) -> History:
-        """Return a search's history in the parameters of the scenario; for trajectories, the manoeuvres nearest to them."""
+        """Return a search's history in the parameters of the scenario; for trajectories, the
+        manoeuvres nearest to them."""
         return History.load(self._path(key))
 
     def knots(self, key: Key) -> History:
@@ -190,7 +194,8 @@ class Study:
         return History.load(self._knots(key))
 
     def avoidable(self, key: Key) -> float | None:
-        """Share of a search's collisions that a careful and competent driver avoids; None without collisions."""
+        """Share of a search's collisions that a careful and competent driver avoids; None without
+        collisions."""
         found: float | None = self.store.read(_place(key))["avoidable"]
         return found
 

@@ -1,4 +1,5 @@
-"""Search space of the ablation No-Maneuver: trajectories, judged with manoeuvres by both kinds of parameters."""
+"""Search space of the ablation No-Maneuver: trajectories, judged with manoeuvres by both kinds of
+parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from studies.recognition.report.tables import Table, spread
 Figures = tuple[float, ...]
 
 _NEAR = 0.99
-"""Share of the recorded manoeuvres whose knots are as near to a manoeuvre as a trajectory must be to count as one"""
+"""Share of the recorded manoeuvres whose knots are as near to a manoeuvre as a trajectory must be
+to count as one"""
 _NOTE = (
     "The last third of each search, by both kinds of parameters: knots by those of the trajectory, seven by those of the "
     "manoeuvre that comes nearest to it. Each kind has a density of its own, of the same recorded manoeuvres, and its own limit "
@@ -30,7 +32,8 @@ _HEADER = (
 
 
 def table(study: Study) -> Table:
-    """MCSG and the methods that search trajectories, by both kinds of parameters; no rows without such a method."""
+    """MCSG and the methods that search trajectories, by both kinds of parameters; no rows without
+    such a method."""
     keys = [key for key in study.searches() if key.method == "mcsg" or key.method in TRAJECTORIES]
     rows: list[tuple[str, ...]] = []
     if any(key.method in TRAJECTORIES for key in keys):

@@ -1,4 +1,5 @@
-"""Trajectory-level parameters: positions of the cutting-in vehicle at a few times, instead of the seven of its manoeuvre.
+"""Trajectory-level parameters: positions of the cutting-in vehicle at a few times, instead of the
+seven of its manoeuvre.
 
 For the ablation No-Maneuver (METHOD §3). A trajectory is described by the scene's time and by knots
 at even shares of it: how far the actor is ahead of where the ego would be if it kept its speed, and

@@ -1,4 +1,5 @@
-"""Trajectories by knots, what they have to do with the seven parameters, and the box that both have in common."""
+"""Trajectories by knots, what they have to do with the seven parameters, and the box that both have
+in common."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from recognition.labels.maneuvers.parameters import PARAMETERS
 from schemas.common.array_types import FloatArray
 
 NUMBER = 6
-"""Of knots: the fewest that describe recorded cut-ins within the published errors of reconstruction."""
+"""Of knots: the fewest that describe recorded cut-ins within the published errors of
+reconstruction."""
 CAR = 4.5
 """Distance (m) of the reference points of two catalogue cars that touch bumper to bumper."""
 _SHARES = np.linspace(0.0, 1.0, NUMBER)
@@ -56,7 +58,8 @@ class Nearest(NamedTuple):
 
 
 def knots_of(theta: FloatArray, setting: Setting) -> FloatArray:
-    """Knots (n, 1 + 6 + 4) of manoeuvres (n, 7): the scene's time (s), ways ahead (m), ways aside (m) but the first and last.
+    """Knots (n, 1 + 6 + 4) of manoeuvres (n, 7): the scene's time (s), ways ahead (m), ways aside
+    (m) but the first and last.
 
     Those two are the middles of the lanes in every manoeuvre.
     """
@@ -72,7 +75,8 @@ def knots_of(theta: FloatArray, setting: Setting) -> FloatArray:
 
 
 def box(space: Space, setting: Setting) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest knots (11,) that the manoeuvres of a box of the seven parameters have, to the centimetre."""
+    """Least and greatest knots (11,) that the manoeuvres of a box of the seven parameters have, to
+    the centimetre."""
     corners = np.array(list(product(*zip(space.low, space.high, strict=True))))
     inside = space.draw(_DRAWS, np.random.default_rng(0))
     knots = knots_of(np.concatenate([corners, inside]), setting)
@@ -90,7 +94,8 @@ def maneuvers_of(knots: FloatArray, setting: Setting) -> Nearest:
 
 
 def _nearest(row: FloatArray, setting: Setting) -> tuple[FloatArray, tuple[float, float]]:
-    """The seven parameters nearest to one trajectory, and the root mean squares that are left across and along the lane."""
+    """The seven parameters nearest to one trajectory, and the root mean squares that are left
+    across and along the lane."""
     total, ahead, beside = _curves(row, setting.aside, np.linspace(0.0, 1.0, _SAMPLES))
     time, way = (
         np.linspace(0.0, total, _SAMPLES),

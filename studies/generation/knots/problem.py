@@ -23,6 +23,7 @@ class Trajectories(NamedTuple):
     problem: SearchProblem
 
     def as_maneuvers(self, history: History, reward: Reward) -> History:
-        """A search of trajectories as the manoeuvres nearest to them, and what these would have been rewarded with."""
+        """A search of trajectories as the manoeuvres nearest to them, and what these would have
+        been rewarded with."""
         theta = maneuvers_of(history.theta, self.setting).theta
         return History(theta, history.outcomes, reward(theta, history.outcomes))

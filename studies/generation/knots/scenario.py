@@ -100,7 +100,8 @@ def _document(path: Path, space: Space, setting: Setting) -> Document:
 
 
 def _parameters(space: Space, setting: Setting) -> list[Any]:
-    """The knots within what the manoeuvres reach, by default those of the middle one; the ego's speed."""
+    """The knots within what the manoeuvres reach, by default those of the middle one; the ego's
+    speed."""
     middle = knots_of(0.5 * (space.low + space.high), setting)[0]
     columns = zip((TIME, *AHEAD, *ASIDE), middle.tolist(), *box(space, setting), strict=True)
     knots = [

@@ -1,1 +1,2 @@
-"""Planted failures: systems that fail in known foreseeable regions, and searches judged by the regions that they find."""
+"""Planted failures: systems that fail in known foreseeable regions, and searches judged by the
+regions that they find."""

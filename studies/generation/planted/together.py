@@ -1,4 +1,5 @@
-"""Searches in lockstep: what all of them ask for is played at once, as a thousand points play nearly as fast as fifty.
+"""Searches in lockstep: what all of them ask for is played at once, as a thousand points play
+nearly as fast as fifty.
 
 One search works at a time, and they take turns in their order, so that a repetition gives the same.
 """
@@ -21,7 +22,8 @@ Work = Callable[[Plays], _Result]
 
 
 class _Turn(Generic[_Result]):
-    """One work in a thread of its own, which runs only between `go` and its next question or its end."""
+    """One work in a thread of its own, which runs only between `go` and its next question or its
+    end."""
 
     def __init__(self, work: Work[_Result]) -> None:
         self.asked: tuple[FloatArray, str | None] | None = None

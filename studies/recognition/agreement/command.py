@@ -1,4 +1,5 @@
-"""`python -m studies.recognition agreement`: how labels agree with what else is known of real recordings."""
+"""`python -m studies.recognition agreement`: how labels agree with what else is known of real
+recordings."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ def agreement(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Label all recordings of a folder, and report how the labels agree with their bare positions and own lanes."""
+    """Label all recordings of a folder, and report how the labels agree with their bare positions
+    and own lanes."""
     from recognition.labels import Rules
     from schemas.common.storage import keep, writing
     from studies.recognition.agreement.plots import plots

@@ -13,7 +13,8 @@ _END = 3.0
 
 
 def net_turn(x: FloatArray, y: FloatArray) -> float | None:
-    """Change of direction over a way, rad, positive to the left, up to half a turn; None for who hardly moves."""
+    """Change of direction over a way, rad, positive to the left, up to half a turn; None for who
+    hardly moves."""
     if np.hypot(x[-1] - x[0], y[-1] - y[0]) < LEAST_WAY:
         return None
     start = int(np.argmax(np.hypot(x - x[0], y - y[0]) >= _END))

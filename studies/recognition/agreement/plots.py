@@ -1,4 +1,5 @@
-"""Plots of labelled places: where the events are, how lane changes run, and how the gap to the lead jumps at cuts."""
+"""Plots of labelled places: where the events are, how lane changes run, and how the gap to the lead
+jumps at cuts."""
 
 from __future__ import annotations
 

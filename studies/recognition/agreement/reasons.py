@@ -9,7 +9,8 @@ from recognition.labels.scene import Scene
 
 
 def reasons(scene: Scene) -> list[str]:
-    """For each track, what keeps its first passage of a junction from a label, as far as one passage shows it."""
+    """For each track, what keeps its first passage of a junction from a label, as far as one
+    passage shows it."""
     passages, rules = scene.passages, scene.rules
     turn, crossed = np.degrees(np.abs(passages.turn)), crosses(scene)
     why = np.full(len(passages), "in the way of a stronger one", object)

@@ -1,4 +1,5 @@
-"""The report: Markdown tables of what was labelled, beside what bare positions and the data sets' own lanes tell."""
+"""The report: Markdown tables of what was labelled, beside what bare positions and the data sets'
+own lanes tell."""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ def _classes(places: Sequence[Place]) -> str:
 
 
 def _lane_changes(places: Sequence[Place]) -> str:
-    """Vehicles that cross to another lane at all, that hold it, and that are labelled; and what the data set's own lanes say."""
+    """Vehicles that cross to another lane at all, that hold it, and that are labelled; and what the
+    data set's own lanes say."""
     rows = []
     for place in places:
         groups = unique(place.vehicles)

@@ -1,4 +1,5 @@
-"""Labels all recordings of a data set and keeps, of each vehicle, what can be held against its labels."""
+"""Labels all recordings of a data set and keeps, of each vehicle, what can be held against its
+labels."""
 
 from __future__ import annotations
 
@@ -91,8 +92,8 @@ def survey(data: Path, roads: Path, rules: Rules) -> list[Place]:
 
 
 def _place(source: Source) -> str:
-    """Return the report's name of a place; CommonRoad's scenarios of one city and highD's recordings of one folder are one
-    place."""
+    """Return the report's name of a place; CommonRoad's scenarios of one city and highD's
+    recordings of one folder are one place."""
     if source.format == commonroad.FORMAT:
         return source.site.split("-")[0]
     return source.path.parent.name if source.format == highd.FORMAT else source.site
@@ -188,7 +189,8 @@ def _draw(place: Place, scene: Scene, event: LabelledEvent, here: bool) -> None:
 
 
 def unique(vehicles: list[Vehicle]) -> list[list[Vehicle]]:
-    """Vehicles of overlapping recordings: tracks with the same name, size, and a second of the same changing speeds are one."""
+    """Vehicles of overlapping recordings: tracks with the same name, size, and a second of the same
+    changing speeds are one."""
     named: dict[tuple[str, tuple[float, float]], list[tuple[set[object], list[Vehicle]]]] = {}
     for vehicle in vehicles:
         groups = named.setdefault((vehicle.name, vehicle.size), [])

@@ -1,4 +1,5 @@
-"""Open-set methods whose heads train the encoder too, beside those whose heads read frozen features."""
+"""Open-set methods whose heads train the encoder too, beside those whose heads read frozen
+features."""
 
 from __future__ import annotations
 

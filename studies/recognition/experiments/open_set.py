@@ -1,4 +1,5 @@
-"""Open-set recognition in one round: every method on the same features, judged on the same test windows."""
+"""Open-set recognition in one round: every method on the same features, judged on the same test
+windows."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ WITHOUT_ROLES = "without-roles"
 MAP_ONLY = "map-only"
 """TRFE on what the map alone tells of one frame, without traffic: tokens only."""
 ON_ALL, ENCODED_ON_ALL = "pretrained-on-all", "encoded-pretrained-on-all"
-"""TRFE on all and on the encoders' features alone, by encoders whose pretraining saw windows of all classes: tokens only."""
+"""TRFE on all and on the encoders' features alone, by encoders whose pretraining saw windows of all
+classes: tokens only."""
 
 
 class Together(NamedTuple):
@@ -50,8 +52,8 @@ class Together(NamedTuple):
 
 
 PLAIN = {"logistic-changes": "logistic", "logistic-without-roles": "logistic", "knn-changes": "knn"}
-"""Methods on what changes in windows alone, or on that without the roles of lanes, by name, with those of their kinds: tokens
-only."""
+"""Methods on what changes in windows alone, or on that without the roles of lanes, by name, with
+those of their kinds: tokens only."""
 END_TO_END = {
     "mls-end-to-end": Together("mls", 5e-4, 100),
     "cac-end-to-end": Together("cac", 1.5e-3, 300),
@@ -96,7 +98,8 @@ TITLES = {
 
 
 class Judged(NamedTuple):
-    """Test samples as a method sees them: best known class, outlyingness and label (n,), and the threshold behind the labels."""
+    """Test samples as a method sees them: best known class, outlyingness and label (n,), and the
+    threshold behind the labels."""
 
     closed: IntArray
     scores: FloatArray
@@ -143,7 +146,8 @@ def seen_by(name: str, trial: Trial) -> Trial:
 
 
 def judged(model: OpenSetMethod, features: Features) -> Judged:
-    """Return a fitted method's results for samples in one pass; `predict` would classify and score them again."""
+    """Return a fitted method's results for samples in one pass; `predict` would classify and score
+    them again."""
     closed, scores = model.classify(features), model.score(features)
     return Judged(
         closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold

@@ -1,4 +1,5 @@
-"""Representation probe: how much of the classes a linear classifier finds in features, and how much in the speed alone."""
+"""Representation probe: how much of the classes a linear classifier finds in features, and how much
+in the speed alone."""
 
 from __future__ import annotations
 

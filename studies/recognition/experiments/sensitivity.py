@@ -1,4 +1,5 @@
-"""Sensitivity of the open-set figures to δ and to the number of trees T, and the content of the features."""
+"""Sensitivity of the open-set figures to δ and to the number of trees T, and the content of the
+features."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ def measure_trees(trial: Trial) -> dict[str, Any]:
 
 
 def measure_probe(trial: Trial, view: View) -> dict[str, Any]:
-    """Mean accuracy over the known and new classes of a linear probe: of the encoder's features, and of the ego's speed alone.
+    """Mean accuracy over the known and new classes of a linear probe: of the encoder's features,
+    and of the ego's speed alone.
 
     The speed is left out where the windows are no grids with a channel for it.
     """

@@ -1,1 +1,2 @@
-"""The incremental open-world protocol: splits, rounds of new classes, every method beside TRFE, tables and figures."""
+"""The incremental open-world protocol: splits, rounds of new classes, every method beside TRFE,
+tables and figures."""

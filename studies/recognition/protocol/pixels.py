@@ -1,4 +1,5 @@
-"""Features without an encoder: principal components of coarse grids, the cheap row that an encoder has to beat."""
+"""Features without an encoder: principal components of coarse grids, the cheap row that an encoder
+has to beat."""
 
 from __future__ import annotations
 

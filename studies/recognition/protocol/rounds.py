@@ -25,7 +25,8 @@ class Round(NamedTuple):
 
 
 def rounds(classes: Sequence[int]) -> list[Round]:
-    """The rounds over these classes, in ascending order of their ids; the last has fewer new ones where they don't come out even.
+    """The rounds over these classes, in ascending order of their ids; the last has fewer new ones
+    where they don't come out even.
 
     Raises:
         UsageError: fewer than three classes.

@@ -1,4 +1,5 @@
-"""Results on disk: one small file for each, written whole or not at all, in a folder of one configuration."""
+"""Results on disk: one small file for each, written whole or not at all, in a folder of one
+configuration."""
 
 from __future__ import annotations
 

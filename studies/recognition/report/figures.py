@@ -1,4 +1,5 @@
-"""Figures of an evaluation: confusion, F1 by round, sensitivity, and where the classes lie among the features."""
+"""Figures of an evaluation: confusion, F1 by round, sensitivity, and where the classes lie among
+the features."""
 
 from __future__ import annotations
 
@@ -106,7 +107,8 @@ def _lines(results: Results, titles: dict[str, str], figure: str, label: str) ->
 
 
 def _confusions(seeds: dict[int, dict[int, dict[str, Any]]]) -> Figure:
-    """TRFE's confusion matrices of the first and the last round, rows normalised, summed over seeds."""
+    """TRFE's confusion matrices of the first and the last round, rows normalised, summed over
+    seeds."""
     last = max(number for rounds in seeds.values() for number in rounds)
     canvas = Figure(figsize=(14, 7), layout="constrained")
     for place, number in enumerate((1, last)):

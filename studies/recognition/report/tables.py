@@ -67,7 +67,8 @@ def over_rounds(seeds: dict[int, dict[int, dict[str, Any]]], figure: str) -> lis
 def comparison(
     results: Results, titles: dict[str, str], figures: dict[str, str]
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows: a row for each method, a column for each figure (name of the value → heading), means over rounds.
+    """Header and rows: a row for each method, a column for each figure (name of the value →
+    heading), means over rounds.
 
     The last column is the p of a paired t-test over seeds, of a row's first figure against that of
     TRFE.
@@ -89,7 +90,8 @@ def paired(
     others: dict[int, dict[int, dict[str, Any]]],
     figure: str,
 ) -> str:
-    """p of a two-sided paired t-test over the seeds that both have; a dash where there are fewer than three."""
+    """p of a two-sided paired t-test over the seeds that both have; a dash where there are fewer
+    than three."""
     from scipy.stats import ttest_rel
 
     both = sorted(seeds.keys() & others.keys())

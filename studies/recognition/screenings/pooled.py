@@ -1,4 +1,5 @@
-"""Votes alone, with the known classes taken together: a generalised Pareto tail of the votes that the best class lacks."""
+"""Votes alone, with the known classes taken together: a generalised Pareto tail of the votes that
+the best class lacks."""
 
 from __future__ import annotations
 

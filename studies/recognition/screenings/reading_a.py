@@ -1,4 +1,5 @@
-"""Reading A of RF-EVT: a generalised Pareto tail of the votes that the true class lacks, for each class."""
+"""Reading A of RF-EVT: a generalised Pareto tail of the votes that the true class lacks, for each
+class."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ PLAIN_VOTES = True
 
 
 class EvtDeficit(EvtScreening):
-    """score = 1 − max_k s_k, with d = T − v_k + U(0, 1), the votes that class k lacks, and a distribution for each class."""
+    """score = 1 − max_k s_k, with d = T − v_k + U(0, 1), the votes that class k lacks, and a
+    distribution for each class."""
 
     def _lacking(
         self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float

@@ -1,4 +1,5 @@
-"""Reading B of the vote-based screening (CEVT): a Weibull distribution of the winning class's votes."""
+"""Reading B of the vote-based screening (CEVT): a Weibull distribution of the winning class's
+votes."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ _STEEPEST = 1e4
 
 
 class WeibullVotes(Screening):
-    """score = 1 − F_k(m) with m = max_k v_k + jitter, k its class and F_k(m) = 1 − exp(−(m/λ_k)^c_k); unknown where F_k(m) < δ.
+    """score = 1 − F_k(m) with m = max_k v_k + jitter, k its class and F_k(m) = 1 −
+    exp(−(m/λ_k)^c_k); unknown where F_k(m) < δ.
 
     F_k is the Weibull distribution of greatest likelihood for the calibration samples of class k.
     Votes are whole numbers and often all T; calibration adds U(0, 1) to them, scoring the mean of
@@ -49,7 +51,8 @@ class WeibullVotes(Screening):
 
 
 def weibull(values: FloatArray) -> tuple[float, float]:
-    """Shape c and scale λ of the two-parameter Weibull distribution of greatest likelihood for positive values.
+    """Shape c and scale λ of the two-parameter Weibull distribution of greatest likelihood for
+    positive values.
 
     c solves Σ x^c ln x / Σ x^c − 1/c = mean ln x, and λ = (mean x^c)^(1/c).
     """

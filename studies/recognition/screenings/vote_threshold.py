@@ -12,7 +12,8 @@ PLAIN_VOTES = True
 
 
 class VoteThreshold(Screening):
-    """score = 1 − max_k v_k / T; unknown where it exceeds the (1 − `rejection`) quantile of the calibration samples' scores.
+    """score = 1 − max_k v_k / T; unknown where it exceeds the (1 − `rejection`) quantile of the
+    calibration samples' scores.
 
     Reference: Hendrycks & Gimpel, "A Baseline for Detecting Misclassified and Out-of-Distribution
     Examples" (ICLR 2017), with shares of votes in place of softmax.

@@ -21,7 +21,8 @@ from schemas.common.array_types import BoolArray, FloatArray
 _SHORTEST = 5.0
 """Shortest track (s) that is used."""
 _MARGIN = 1.0
-"""Time (s) at the ends of a track in which nothing is hidden: what is judged is what lies between rows."""
+"""Time (s) at the ends of a track in which nothing is hidden: what is judged is what lies between
+rows."""
 _HIDDEN, _SHOWN = (0.2, 1.0), (1.0, 3.0)
 """Shortest and longest stretch (s) that is hidden, and that is shown after it."""
 _KINDS = ("vehicle", "pedestrian")
@@ -34,7 +35,8 @@ _TURN = 0.1
 _LASTING = 0.5
 """Time (s) in which half of the noise fades; the other half is each row's own."""
 _ABOUT = 0.2
-"""Time (s) to either side over which exact accelerations are differences of speeds, which are rounded."""
+"""Time (s) to either side over which exact accelerations are differences of speeds, which are
+rounded."""
 
 
 class Tracks(NamedTuple):
@@ -93,7 +95,8 @@ def drawn(path: Path, most: int, rng: np.random.Generator) -> Iterator[Tracks]:
 
 
 def exact(seed: int, most: int, rng: np.random.Generator) -> Iterator[Tracks]:
-    """Tracks of sites of our own, drawn from a seed, which an exact sensor recorded, until they have `most` rows."""
+    """Tracks of sites of our own, drawn from a seed, which an exact sensor recorded, until they
+    have `most` rows."""
     from recognition.recorder.recorder import record_one
     from recognition.recorder.simulation import EXACT
     from recognition.recorder.sites import family
@@ -185,7 +188,8 @@ def _stretches(rows: Rows, rng: np.random.Generator) -> BoolArray:
 
 
 def _between(values: FloatArray, rows: Rows, unseen: BoolArray) -> FloatArray:
-    """Values, and where they are not seen, those on the line between the seen ones of the same track."""
+    """Values, and where they are not seen, those on the line between the seen ones of the same
+    track."""
     clock = rows.time + rows.each(np.cumsum(np.append(0.0, rows.time[rows.starts[1:-1] - 1])))
     return np.where(unseen, np.interp(clock, clock[~unseen], values[~unseen]), values)
 

@@ -1,4 +1,5 @@
-"""`python -m studies.recognition smoothing`: settings of smoothing, chosen on some recordings and reported on others."""
+"""`python -m studies.recognition smoothing`: settings of smoothing, chosen on some recordings and
+reported on others."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def smoothing(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Choose settings of smoothing on recordings, and hold it against other ways to smooth on others.
+    """Choose settings of smoothing on recordings, and hold it against other ways to smooth on
+    others.
 
     Stretches of 0.2 to 1 s are hidden from tracks, and found again. Exact recordings of our own get
     noise, and are smoothed.
@@ -84,7 +86,8 @@ def smoothing(
 
 
 def _material(paths: Sequence[Path], own: int, rows: int, seed: int) -> Material:
-    """Tracks of data sets with rows hidden, and exact ones with noise; what is drawn of one depends on no other."""
+    """Tracks of data sets with rows hidden, and exact ones with noise; what is drawn of one depends
+    on no other."""
     from studies.recognition.smoothing.cases import drawn, exact, hidden, noisy
     from studies.recognition.smoothing.search import Material
 
@@ -99,7 +102,8 @@ def _material(paths: Sequence[Path], own: int, rows: int, seed: int) -> Material
 
 
 def _table(rows: Sequence[tuple[str, dict[str, float], Judged]]) -> Iterator[str]:
-    """A line for each way: errors of hidden rows by data set, of exact recordings, and both against the first line."""
+    """A line for each way: errors of hidden rows by data set, of exact recordings, and both against
+    the first line."""
     names = list(rows[0][2].recordings)
     heads = [
         *(f"{name}: place, heading, speed, likelihood, beyond limits" for name in names),

@@ -24,9 +24,10 @@ _LITTLE = 1.1
 class Score(NamedTuple):
     """Root mean squares over the rows that count, and a likelihood.
 
-    place: distance of the centre, m. heading: rad, where vehicles move. speed: m/s. acceleration: m/s².
-    likelihood: mean logarithm of the density of the place, by Student's t distribution with the deviation of the row as it was
-        recorded; more is better.
+    place: distance of the centre, m. heading: rad, where vehicles move. speed: m/s. acceleration:
+    m/s².
+    likelihood: mean logarithm of the density of the place, by Student's t distribution with the
+    deviation of the row as it was recorded; more is better.
     beyond: share of all rows, of those that do not count too, that accelerate, brake or turn beyond
     the limits of their category.
     """
@@ -55,7 +56,8 @@ def score(way: Way, cases: Sequence[Case]) -> Score:
 
 
 def _off(way: Way, case: Case) -> tuple[FloatArray, ...]:
-    """Squares of differences, and logarithms of densities, of the rows that count; which rows of all are beyond limits."""
+    """Squares of differences, and logarithms of densities, of the rows that count; which rows of
+    all are beyond limits."""
     found, truth, counted = way(case), case.truth, case.counted
     squares = (found.x - truth.x) ** 2 + (found.y - truth.y) ** 2
     density = -np.log(2.0 * np.pi * case.off**2) - (0.5 * _DEGREES + 1.0) * np.log1p(

@@ -44,7 +44,8 @@ class Judged(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Geometric mean of the errors of place (m), speed (m/s) and acceleration (m/s²) on exact recordings."""
+        """Geometric mean of the errors of place (m), speed (m/s) and acceleration (m/s²) on exact
+        recordings."""
         return float(
             np.exp(np.mean(np.log([self.exact.place, self.exact.speed, self.exact.acceleration])))
         )
@@ -115,7 +116,8 @@ def searched(method: Method, material: Material) -> list[Trial]:
 
 
 def best(trials: Sequence[Trial], bar: float) -> Trial:
-    """The trial with the greatest likelihood of hidden places, of those that are as exact as the bar.
+    """The trial with the greatest likelihood of hidden places, of those that are as exact as the
+    bar.
 
     Settings that follow noise find hidden rows well, whose noise is that of the rows beside them;
     but not exact recordings.

@@ -14,7 +14,8 @@ from studies.recognition.smoothing.cases import Case, States
 
 Way = Callable[[Case], States]
 _Smooth = Callable[[FloatArray, FloatArray, BoolArray], FloatArray]
-"""Times (n,), values and which are unseen; gives values and their first two rates of change (3, n)."""
+"""Times (n,), values and which are unseen; gives values and their first two rates of change (3, n).
+"""
 _GAUSSIAN = 1e9
 """Degrees of freedom from which Student's t distribution is a normal one."""
 _MOVING = 1.0
@@ -29,7 +30,8 @@ def ours(noise: Noise, case: Case) -> States:
 
 
 def constant_acceleration(jerk: float, case: Case) -> States:
-    """The Rauch-Tung-Striebel smoother of constant acceleration, as the field has it: normal noise, no limits."""
+    """The Rauch-Tung-Striebel smoother of constant acceleration, as the field has it: normal noise,
+    no limits."""
     seen = _seen(case, Noise(jerk=jerk, tails=_GAUSSIAN))
     free = np.full(len(seen.time), np.inf)
     forwards = Bounds(*[free] * len(seen.bounds))._replace(reverse=np.zeros(len(free)))
@@ -39,7 +41,8 @@ def constant_acceleration(jerk: float, case: Case) -> States:
 
 
 def savitzky_golay(window: float, order: int, case: Case) -> States:
-    """SciPy's `savgol_filter` over a time (s), with polynomials of an order; unseen rows are on the line between seen ones."""
+    """SciPy's `savgol_filter` over a time (s), with polynomials of an order; unseen rows are on the
+    line between seen ones."""
     from scipy.signal import savgol_filter
 
     step = case.tracks.rows.step
@@ -58,7 +61,8 @@ def savitzky_golay(window: float, order: int, case: Case) -> States:
 
 
 def spline(weight: float | None, case: Case) -> States:
-    """SciPy's `make_smoothing_spline` through the rows that are seen; by generalised cross-validation without a weight."""
+    """SciPy's `make_smoothing_spline` through the rows that are seen; by generalised
+    cross-validation without a weight."""
     from scipy.interpolate import make_smoothing_spline
 
     def fitted(time: FloatArray, values: FloatArray, unseen: BoolArray) -> FloatArray:

@@ -1,4 +1,5 @@
-"""Borders of lanelets: which lanelets share them, where they are split, and what a map leaves implicit.
+"""Borders of lanelets: which lanelets share them, where they are split, and what a map leaves
+implicit.
 
 As in Lanelet2, left and right decide the direction of travel, lanelets follow each other where
 their bounds share end points, and are neighbours where they share a bound. Maps by hand have lanes
@@ -87,7 +88,8 @@ def _bound(osm: Osm, relation: Relation, role: str) -> OsmWay:
 
 
 def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
-    """One line of lines (nodes), in any order and direction, that share end nodes; None where they make no line."""
+    """One line of lines (nodes), in any order and direction, that share end nodes; None where they
+    make no line."""
     whole, *others = lines
     while others:
         ends = {whole[0], whole[-1]}
@@ -102,7 +104,8 @@ def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
 
 
 def linked(lanes: list[Lanelet], bounds: list[LaneletBounds]) -> list[Lanelet]:
-    """Return the lanes with their successors and right neighbours. Sidewalks are two-way and stay alone."""
+    """Return the lanes with their successors and right neighbours. Sidewalks are two-way and stay
+    alone."""
     from scipy.spatial import KDTree
 
     starts = np.array([[*edges.left[0], *edges.right[0]] for edges in bounds])
@@ -137,7 +140,8 @@ Nodes = tuple[str, ...]
 def split_at_joints(
     lanes: Sequence[Lanelet], bounds: Sequence[LaneletBounds], joined: Collection[str]
 ) -> tuple[list[Lanelet], list[str]]:
-    """The lanelets (with successors and right neighbours), split where neighbours share a part of a bound with them.
+    """The lanelets (with successors and right neighbours), split where neighbours share a part of a
+    bound with them.
 
     Args:
         bounds: those of each lanelet.
@@ -180,7 +184,8 @@ def split_at_joints(
 def _beside(
     line: Nodes, starts: Mapping[str, Sequence[tuple[str, Nodes]]]
 ) -> tuple[str, int, int] | None:
-    """The first lanelet with a bound that is a part of a line: its id, from which node on, and how many nodes."""
+    """The first lanelet with a bound that is a part of a line: its id, from which node on, and how
+    many nodes."""
     along = ((at, *other) for at, node in enumerate(line[:-1]) for other in starts.get(node, ()))
     return next(
         (
@@ -195,7 +200,8 @@ def _beside(
 def _cut(
     table: dict[str, Lanelet], nodes: dict[str, list[Nodes]], name: str, side: int, count: int
 ) -> str:
-    """Split a lanelet, and lanelets that share a whole bound with it, after a number of nodes; return the second part."""
+    """Split a lanelet, and lanelets that share a whole bound with it, after a number of nodes;
+    return the second part."""
     points, line = getattr(table[name], _SIDES[side]), nodes[name][side]
     seconds = split(
         table, row_of(table, table[name]), frame_at(points, float(lengths(points)[count - 1]))
@@ -215,11 +221,13 @@ _BESIDE = 0.5
 _NEAR_END = 2.0
 """A lanelet is not split nearer to its ends than this, m."""
 _OBLIQUE = 2.0
-"""A lanelet's first or last points are taken for a piece of a bound where they lie this much more along than across it."""
+"""A lanelet's first or last points are taken for a piece of a bound where they lie this much more
+along than across it."""
 
 
 def completed(lanelets: Iterable[Lanelet]) -> tuple[list[Lanelet], list[str]]:
-    """Lanelets of a Lanelet2 map (with successors and right neighbours), and what was added, one sentence each."""
+    """Lanelets of a Lanelet2 map (with successors and right neighbours), and what was added, one
+    sentence each."""
     table = {lanelet.id: lanelet for lanelet in lanelets}
     notes = [*_filled(table), *_led_into(table)]
     for name, lanelet in table.items():
@@ -229,7 +237,8 @@ def completed(lanelets: Iterable[Lanelet]) -> tuple[list[Lanelet], list[str]]:
     return list(table.values()), notes
 
 
-# lanes of which only the borders are there ----------------------------------------------------------
+# lanes of which only the borders are there
+# ----------------------------------------------------------
 
 
 def _filled(table: dict[str, Lanelet]) -> list[str]:
@@ -278,7 +287,8 @@ def _parallel(left: Points, right: Points) -> bool:
     return bool(apart.min() >= _WIDTHS[0] and apart.max() <= _WIDTHS[1])
 
 
-# lanelets that end at the side of others -------------------------------------------------------------
+# lanelets that end at the side of others
+# -------------------------------------------------------------
 
 
 def _led_into(table: dict[str, Lanelet]) -> list[str]:
@@ -327,11 +337,13 @@ def _is_upon(point: Points, line: Points) -> bool:
     )
 
 
-# ends that are not across ------------------------------------------------------------------------------
+# ends that are not across
+# ------------------------------------------------------------------------------
 
 
 def _squared(lanelet: Lanelet) -> Lanelet:
-    """The lanelet with the shorter bound led on to the other's end where the line between the two runs along the lanelet.
+    """The lanelet with the shorter bound led on to the other's end where the line between the two
+    runs along the lanelet.
 
     That is how lanelets end that are drawn up to the side of another one: they then taper off.
     """

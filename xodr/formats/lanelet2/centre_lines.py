@@ -1,4 +1,5 @@
-"""Lanelets of maps that give centre lines of lanes only: widths, neighbours and successors are inferred.
+"""Lanelets of maps that give centre lines of lanes only: widths, neighbours and successors are
+inferred.
 
 Lanes run beside each other where their centre lines do, at a lane's distance and in the same
 direction; both are split where one begins or ends beside the other, and share the line half-way
@@ -60,7 +61,8 @@ class CentreLine:
 
 
 class _Run(NamedTuple):
-    """A stretch of lane `left` from `a` to `b` (m) with lane `right` beside it on its right, from `c` to `d`."""
+    """A stretch of lane `left` from `a` to `b` (m) with lane `right` beside it on its right, from
+    `c` to `d`."""
 
     left: int
     right: int
@@ -209,7 +211,8 @@ class _Lanes:
         return found
 
     def _nearest(self, side: float) -> IntArray:
-        """The nearest place of another lane beside each place, on its left (1.0) or right (-1.0); -1 for none."""
+        """The nearest place of another lane beside each place, on its left (1.0) or right (-1.0);
+        -1 for none."""
         from scipy.spatial import cKDTree
 
         pairs = cKDTree(self._place).query_pairs(_APART[1], output_type="ndarray")
@@ -227,7 +230,8 @@ class _Lanes:
         return found
 
     def _cuts(self, runs: Sequence[_Run]) -> dict[int, list[float]]:
-        """Return places where lanes are split, in ascending order: a split of one is one of those beside it."""
+        """Return places where lanes are split, in ascending order: a split of one is one of those
+        beside it."""
         cuts: dict[int, list[float]] = defaultdict(list)
 
         def add(number: int, s: float) -> None:

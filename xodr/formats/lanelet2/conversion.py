@@ -1,4 +1,5 @@
-"""Conversion of Lanelet2 maps to OpenDRIVE: roads, junctions, traffic lights, crosswalks; distance of lanes from lanelets."""
+"""Conversion of Lanelet2 maps to OpenDRIVE: roads, junctions, traffic lights, crosswalks; distance
+of lanes from lanelets."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ _BESIDE = 1.0
 
 
 def signals(graph: Graph, plan: Layout, shapes: list[RoadShape]) -> dict[int, tuple[Signal, ...]]:
-    """The lights at the end of each bundle that has some: one for all neighbouring lanes that it holds."""
+    """The lights at the end of each bundle that has some: one for all neighbouring lanes that it
+    holds."""
     found: dict[int, tuple[Signal, ...]] = {}
     count = 0
     for number, bundle in enumerate(plan.bundles):
@@ -62,7 +64,8 @@ def signals(graph: Graph, plan: Layout, shapes: list[RoadShape]) -> dict[int, tu
 
 
 def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
-    """Each light with the lanes that it holds; a light for lanes that are apart comes once for each group of them."""
+    """Each light with the lanes that it holds; a light for lanes that are apart comes once for each
+    group of them."""
     runs: dict[str, list[list[int]]] = defaultdict(list)
     for lane, name in enumerate(names):
         for light in graph.lanelets[name].lights:
@@ -210,7 +213,8 @@ def _cubics(form: RoadShape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
 def with_crosswalks(
     roads: Sequence[RoadDesign], crosswalks: Sequence[Crosswalk]
 ) -> tuple[RoadDesign, ...]:
-    """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place matters, not its road."""
+    """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place
+    matters, not its road."""
     poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
     places = np.array([(pose.x, pose.y) for _, _, pose in poses])
     found: dict[int, list[RoadObject]] = defaultdict(list)
@@ -248,7 +252,8 @@ STEP = 0.5
 def deviation(
     lanelets: Sequence[Lanelet], where: Mapping[str, tuple[str, int]], network: RoadNetwork
 ) -> dict[str, float]:
-    """Largest distance [m] of each lanelet's bounds from the borders of its lane, and of the lane's centre from theirs.
+    """Largest distance [m] of each lanelet's bounds from the borders of its lane, and of the lane's
+    centre from theirs.
 
     Bounds may also lie on lanes that lead on from it or to it: lanes begin a bit earlier or later
     than their lanelets. `where` gives the road and lane of each lanelet.

@@ -1,4 +1,5 @@
-"""Graph of lanelets (successors, neighbours, crossings) and their bundles, each of which becomes one road.
+"""Graph of lanelets (successors, neighbours, crossings) and their bundles, each of which becomes
+one road.
 
 A `Joint` is a place where bundles end and begin. Where one bundle continues in one, roads are
 linked. Everywhere else there is a junction: a default one where bundles are connecting roads (see
@@ -118,7 +119,8 @@ class Graph:
 
     @cached_property
     def crossings(self) -> dict[str, set[str]]:
-        """Lanelets whose centre lines cross, other than those that share where they come from or lead to."""
+        """Lanelets whose centre lines cross, other than those that share where they come from or
+        lead to."""
         from shapely import LineString, STRtree
 
         names = [name for name, lanelet in self.lanelets.items() if lanelet.type != "sidewalk"]
@@ -159,7 +161,8 @@ LONGEST = 500.0
 
 @dataclass(frozen=True)
 class Bundle:
-    """One road to be: lanes from left to right, each a sequence of lanelets; all lanes have equally many."""
+    """One road to be: lanes from left to right, each a sequence of lanelets; all lanes have equally
+    many."""
 
     lanes: tuple[tuple[str, ...], ...]
     inside: bool = False
@@ -177,7 +180,8 @@ class Bundle:
 
 @dataclass(frozen=True)
 class Joint:
-    """Bundles (by number) that end and that begin in one place, and the lanes (bundle, lane) that continue each other."""
+    """Bundles (by number) that end and that begin in one place, and the lanes (bundle, lane) that
+    continue each other."""
 
     ending: tuple[int, ...]
     beginning: tuple[int, ...]
@@ -264,7 +268,8 @@ def _joint(
     return Joint(tuple(sorted(groups[True])), tuple(sorted(groups[False])), tuple(sorted(links)))
 
 
-# one after the other -------------------------------------------------------------------------------
+# one after the other
+# -------------------------------------------------------------------------------
 
 
 def chained(graph: Graph, rows: Layout) -> list[Bundle]:

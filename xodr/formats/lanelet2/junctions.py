@@ -1,4 +1,5 @@
-"""Junctions of a map: the lanelets inside them, the joints that make up each, and the ways through it.
+"""Junctions of a map: the lanelets inside them, the joints that make up each, and the ways through
+it.
 
 A connecting road leads from one road to one other. Lanelets that cross others, or split off and
 merge again, become connecting roads, and with them all that split or merge at the same place. So do
@@ -29,7 +30,8 @@ from xodr.formats.lanelet2.lanelet import (
 from xodr.model import Junction
 
 _LONGEST_CROSSING = 60.0
-"""Length up to which lanelets are taken to cross on the same level where they do nothing else, m."""
+"""Length up to which lanelets are taken to cross on the same level where they do nothing else, m.
+"""
 _LONGEST_PART = 15.0
 """Length of what is cut off for a junction where nothing crosses it, m."""
 _PAST_CROSSING = 5.0
@@ -125,7 +127,8 @@ def _splits_and_merges(rows: Layout, number: int) -> bool:
 
 
 def _turns(graph: Graph, rows: Layout, number: int, at_end: bool) -> bool:
-    """Whether a row of one lane splits off another row, or merges with one at its end, and turns there."""
+    """Whether a row of one lane splits off another row, or merges with one at its end, and turns
+    there."""
     joint, names = rows.joint(number, at_end), rows.bundles[number].first
     if joint is None or len(names) > 1 or graph.lanelets[names[0]].road_type == "motorway":
         return False
@@ -134,7 +137,8 @@ def _turns(graph: Graph, rows: Layout, number: int, at_end: bool) -> bool:
 
 
 def _bend(graph: Graph, names: tuple[str, ...], at_end: bool) -> float:
-    """Return the length (m) from an end of a row up to which it turns, by `_TURN` or more within `_TURNING`; 0 without a turn."""
+    """Return the length (m) from an end of a row up to which it turns, by `_TURN` or more within
+    `_TURNING`; 0 without a turn."""
     line = middle(graph.lanelets[names[0]].left, graph.lanelets[names[-1]].right)
     line = line[::-1] if at_end else line
     at = lengths(line)
@@ -231,7 +235,8 @@ def _grouped(count: int, pairs: list[tuple[int, int]]) -> list[int]:
 def junctions(
     plan: Layout, ids: list[int], priorities: Sequence[tuple[str, str]]
 ) -> tuple[Junction, ...]:
-    """The junctions, with the ids that `junction_ids` gave. Road ids are the numbers of the bundles plus 1.
+    """The junctions, with the ids that `junction_ids` gave. Road ids are the numbers of the bundles
+    plus 1.
 
     priorities: pairs of lanelets (with right of way, waiting).
     """
@@ -272,7 +277,8 @@ def _through(plan: Layout, name: str) -> list[int]:
 def _junction(
     plan: Layout, identity: int, joints: list[Joint], priorities: list[tuple[int, int]]
 ) -> Junction:
-    """A junction: its connections enter the connecting roads, or lead from road to road where there are none."""
+    """A junction: its connections enter the connecting roads, or lead from road to road where there
+    are none."""
     inside = any(
         plan.bundles[number].inside
         for joint in joints

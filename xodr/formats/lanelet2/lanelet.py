@@ -98,12 +98,14 @@ def resampled(line: Points, count: int) -> Points:
 
 
 def places(length: float, step: float) -> int:
-    """Return the number of samples on a length (m), about a step apart, ends included; bounded on both sides."""
+    """Return the number of samples on a length (m), about a step apart, ends included; bounded on
+    both sides."""
     return min(max(int(length / step), _FEWEST), _MOST) + 1
 
 
 def middle(left: Points, right: Points, step: float = 0.5) -> Points:
-    """The line half-way between two lines: points at equal shares of their lengths, about a step apart."""
+    """The line half-way between two lines: points at equal shares of their lengths, about a step
+    apart."""
     count = places(max(lengths(left)[-1], lengths(right)[-1]), step)
     return (resampled(left, count) + resampled(right, count)) / 2
 
@@ -124,7 +126,8 @@ def prolonged(line: Points) -> Points:
 
 
 def direction(line: Points, at_end: bool) -> float:
-    """Heading [rad] of a line at one of its ends: the tangent of a parabola through its last (first) `REACH` metres."""
+    """Heading [rad] of a line at one of its ends: the tangent of a parabola through its last
+    (first) `REACH` metres."""
     total = lengths(line)[-1]
     reach = min(REACH, total)
     near = points_at(
@@ -174,7 +177,8 @@ def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
 
 
 def across(points: Points, tangents: Points, line: Points) -> FloatArray:
-    """Return the offset (m) to the left of each point, at right angles to tangents (n,), of a line with the same direction.
+    """Return the offset (m) to the left of each point, at right angles to tangents (n,), of a line
+    with the same direction.
 
     The place nearest to the point is meant; NaN where the line does not pass.
     """
@@ -200,12 +204,14 @@ def _across(points: Points, tangents: Points, line: Points) -> FloatArray:
 
 
 def parts_of(name: str, among: Iterable[str]) -> list[str]:
-    """The parts of a lanelet that was split, or itself: the first one keeps its id, others have theirs after a slash."""
+    """The parts of a lanelet that was split, or itself: the first one keeps its id, others have
+    theirs after a slash."""
     return [one for one in among if one == name or one.startswith(f"{name}/")]
 
 
 def row_of(table: dict[str, Lanelet], lanelet: Lanelet) -> list[Lanelet]:
-    """A lanelet and its neighbours, from left to right; the lanelets of the table name their right ones."""
+    """A lanelet and its neighbours, from left to right; the lanelets of the table name their right
+    ones."""
     left_of = {one.beside_right.id: one.id for one in table.values() if one.beside_right}
     first = lanelet.id
     while first in left_of:
@@ -217,7 +223,8 @@ def row_of(table: dict[str, Lanelet], lanelet: Lanelet) -> list[Lanelet]:
 
 
 def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: CrossLine) -> dict[str, str]:
-    """Replace lanelets that lie beside each other by their parts before and after a line across them.
+    """Replace lanelets that lie beside each other by their parts before and after a line across
+    them.
 
     The lanelets of the table name their successors and right neighbours only.
 
@@ -250,7 +257,8 @@ def _free(name: str, table: Mapping[str, Lanelet]) -> str:
 
 
 def _parts(line: Points, frame: CrossLine) -> tuple[Points, Points]:
-    """The parts of a line before and after it crosses a frame; near its end where it does not cross it within."""
+    """The parts of a line before and after it crosses a frame; near its end where it does not cross
+    it within."""
     s, at = crossing(line, frame)[0], lengths(line)
     s = min(max(s, 0.05 * at[-1]), 0.95 * at[-1])
     cut = points_at(line, np.array([s]))

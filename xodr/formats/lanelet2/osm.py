@@ -1,4 +1,5 @@
-"""OSM files of Lanelet2 maps: nodes, ways, relations, and the projection of their coordinates to metres.
+"""OSM files of Lanelet2 maps: nodes, ways, relations, and the projection of their coordinates to
+metres.
 
 As in Lanelet2 and INTERACTION, x and y are those of the UTM zone of an origin, minus those of the
 origin itself. Maps whose nodes have the tags local_x and local_y bring their coordinates along."""
@@ -22,7 +23,8 @@ T = TypeVar("T")
 
 
 class OsmNode(NamedTuple):
-    """A point: latitude and longitude [degrees], coordinates of the map [m] where it has its own, height [m]; its line in the file."""
+    """A point: latitude and longitude [degrees], coordinates of the map [m] where it has its own,
+    height [m]; its line in the file."""
 
     place: tuple[float, float] | None
     local: tuple[float, float] | None
@@ -67,7 +69,8 @@ class Relation:
 
 
 class Osm(NamedTuple):
-    """The content of a file, by id. absent: members of relations that are not in the file, with the relation."""
+    """The content of a file, by id. absent: members of relations that are not in the file, with the
+    relation."""
 
     nodes: dict[str, OsmNode]
     ways: dict[str, OsmWay]
@@ -166,7 +169,8 @@ def _relation(element: etree._Element) -> Relation:
 
 
 def _with_present_members(found: Osm, relation: Relation) -> Relation:
-    """The relation without members that maps cut out of larger ones have lost; a lanelet can't be without its bounds."""
+    """The relation without members that maps cut out of larger ones have lost; a lanelet can't be
+    without its bounds."""
     tables: dict[str, Collection[str]] = {
         "node": found.nodes,
         "way": found.ways,

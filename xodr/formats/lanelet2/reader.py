@@ -65,7 +65,8 @@ _LINES = {"line_thin": "solid", "line_thick": "solid", "curbstone": "curb", "roa
 
 
 def kind_of(relation: Relation) -> LaneletKind | None:
-    """Return the OpenDRIVE type of a lanelet; None if its subtype is unknown. Lanelets without a subtype are roads."""
+    """Return the OpenDRIVE type of a lanelet; None if its subtype is unknown. Lanelets without a
+    subtype are roads."""
     tags = relation.tags
     subtype = tags.get("subtype") or "road"
     lane_type = _SUBTYPES.get(subtype)
@@ -128,7 +129,8 @@ class Regulations(NamedTuple):
 
 
 def regulations(osm: Osm) -> Regulations:
-    """Read the regulatory elements of a map; also return the relations that are neither these nor lanelets.
+    """Read the regulatory elements of a map; also return the relations that are neither these nor
+    lanelets.
 
     Raises:
         InvalidFile: a speed limit is no speed.
@@ -151,7 +153,8 @@ def regulations(osm: Osm) -> Regulations:
 
 
 def _read(found: Regulations, rule: Relation, subtype: str, lanelets: list[str]) -> bool:
-    """Put down what a regulatory element says of the lanelets that refer to it; whether it says anything."""
+    """Put down what a regulatory element says of the lanelets that refer to it; whether it says
+    anything."""
     if subtype == "speed_limit":
         limit = _limit(rule)
         if limit is not None:

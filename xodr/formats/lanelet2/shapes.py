@@ -1,4 +1,5 @@
-"""Geometry of roads: their ends, a smooth reference line along the middle, and borders as functions of s.
+"""Geometry of roads: their ends, a smooth reference line along the middle, and borders as functions
+of s.
 
 A joint is measured on one road, its owner: the one that splits or the one into which others merge.
 Its line runs at right angles to the owner where all its lanes still (or already) exist, since
@@ -41,7 +42,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 _STIFFNESS = 1e-4
-"""Weight of the bending against the distance from the samples, so that gaps between samples are bridged smoothly."""
+"""Weight of the bending against the distance from the samples, so that gaps between samples are
+bridged smoothly."""
 
 
 def fit(
@@ -94,7 +96,8 @@ End = tuple[int, bool]
 
 
 class BorderCrossing(NamedTuple):
-    """Crossing of a border with a line across the road: offset (m) to the left of its origin, and tangent of the angle."""
+    """Crossing of a border with a line across the road: offset (m) to the left of its origin, and
+    tangent of the angle."""
 
     t: float
     slope: float
@@ -209,14 +212,16 @@ def _across(borders: Borders, end: End) -> CrossLine:
 
 
 def _corners(borders: Borders, end: End, frame: CrossLine) -> Points:
-    """Return the offset (m) at which the borders of a bundle end (begin) ahead of a line across its end."""
+    """Return the offset (m) at which the borders of a bundle end (begin) ahead of a line across its
+    end."""
     return frame.local(np.array([border[-1 if end[1] else 0] for border in borders.own(end[0])]))[
         :, 0
     ]
 
 
 def _free(borders: Borders, end: End) -> CrossLine:
-    """The line across a bundle's end that no border passes: nothing of a lanelet is lost where no other road goes on."""
+    """The line across a bundle's end that no border passes: nothing of a lanelet is lost where no
+    other road goes on."""
     frame = _across(borders, end)
     corners = _corners(borders, end, frame)
     x, y = frame.world(float(corners.max() if end[1] else corners.min()), 0.0)
@@ -266,7 +271,8 @@ def _lane_edges(
 def _shared_edges(
     borders: Borders, joint: Joint, frame: CrossLine
 ) -> dict[_Lane, tuple[BorderCrossing, BorderCrossing]]:
-    """Return mean edges of the lanes that lead into each other where several roads end and several begin, if at one place."""
+    """Return mean edges of the lanes that lead into each other where several roads end and several
+    begin, if at one place."""
     ends = [
         *((number, True) for number in joint.ending),
         *((number, False) for number in joint.beginning),
@@ -311,7 +317,8 @@ def _edges(
     frame: CrossLine,
     known: dict[_Lane, tuple[BorderCrossing, BorderCrossing]],
 ) -> list[BorderCrossing]:
-    """The edges of a bundle on a line across it: those of the lanes that it continues where they are known."""
+    """The edges of a bundle on a line across it: those of the lanes that it continues where they
+    are known."""
     found = []
     lines = borders.own(end[0])
     for index, line in enumerate(lines):
@@ -337,14 +344,16 @@ def _edge(line: Points, frame: CrossLine, at_end: bool) -> BorderCrossing:
 STEP = 0.25
 """Distance between the places where borders are measured, m."""
 LINE_TOLERANCE = 0.3
-"""Largest distance (m) of the reference line from the middle of the road: only its smoothness matters."""
+"""Largest distance (m) of the reference line from the middle of the road: only its smoothness
+matters."""
 BORDER_TOLERANCE = 0.15
 """Largest distance (m) of the borders from those of the lanelets."""
 _SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 0.6
 """Shortest pieces of the reference line and of the borders, m."""
 _MOST_PIECES = 512
 _SHARPEST = 0.8
-"""Largest curvature, in parts of that at which the road's inner edge would be the centre of the curve."""
+"""Largest curvature, in parts of that at which the road's inner edge would be the centre of the
+curve."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -376,7 +385,8 @@ class RoadShape(NamedTuple):
 def shape(
     lines: list[Points], start: Mouth, end: Mouth, tolerance: float = BORDER_TOLERANCE
 ) -> RoadShape:
-    """The geometry of the road between two mouths whose borders (from left to right) are the given lines.
+    """The geometry of the road between two mouths whose borders (from left to right) are the given
+    lines.
 
     Args:
         tolerance: largest distance (m) of the borders from those lines, but for their ends.
@@ -414,7 +424,8 @@ def _own(mouth: Mouth) -> list[float]:
 
 
 def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PPoly:
-    """The spline along the middle that does not turn too sharply for the road's width; of those the coarsest one near to it."""
+    """The spline along the middle that does not turn too sharply for the road's width; of those the
+    coarsest one near to it."""
     samples = middle(left, right, STEP)
     half = np.hypot(*(resampled(left, len(samples)) - resampled(right, len(samples))).T) / 2
     ends = np.array([mouth.frame.world(0.0, mouth.t) for mouth in (start, end)])
@@ -445,7 +456,8 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PP
 def _between_ends(
     samples: Points, half: FloatArray, ends: Points, from_start: bool, to_end: bool
 ) -> slice:
-    """Samples of a middle line between its ends: all, unless an end is farther from the line's than the lane is wide there.
+    """Samples of a middle line between its ends: all, unless an end is farther from the line's than
+    the lane is wide there.
 
     So it is where a lanelet is wider than long, and the line across its end lies along the lane.
     """
@@ -481,7 +493,8 @@ def _arc_lengths(line: PPoly, at: FloatArray | None = None) -> FloatArray:
 
 
 def _offsets(line: PPoly, at: FloatArray, border: Points) -> FloatArray:
-    """t of a border at parameters of the reference line, interpolated where no normal of the line meets it."""
+    """t of a border at parameters of the reference line, interpolated where no normal of the line
+    meets it."""
     t = across(line(at), line(at, 1), border)
     found = np.isfinite(t)
     return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))

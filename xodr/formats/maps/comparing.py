@@ -1,4 +1,5 @@
-"""Differences between two maps of one place: distances of borders and centre lines, lanes gained and lost, connections.
+"""Differences between two maps of one place: distances of borders and centre lines, lanes gained
+and lost, connections.
 
 Each lane of one map is compared at places about a metre apart. There the lane of the other map
 counts whose centre line is nearest, runs the same way and is not further away than half the lane's
@@ -27,7 +28,8 @@ _SAME_WAY = math.cos(math.radians(50.0))
 _LEAST_REACH, _MOST_REACH = 0.5, 2.0
 """Bounds (m) of the distance between centre lines of one lane in both maps."""
 _INSIDE = 15.0
-"""Greatest distance (m) from the ends of lanes at which connections are looked up: where ways that part are apart."""
+"""Greatest distance (m) from the ends of lanes at which connections are looked up: where ways that
+part are apart."""
 _HOPS = 6
 """Lanes in a row that a connection of the other map may be cut into."""
 _CLOSE, _SAME_SPEED, _WORST = 0.05, 0.01, 20
@@ -37,7 +39,8 @@ _NARROW = 0.15
 
 
 class Distances(NamedTuple):
-    """Distances of one kind, in m: number of places, the median, that of 95 % of them, and the largest with its lane."""
+    """Distances of one kind, in m: number of places, the median, that of 95 % of them, and the
+    largest with its lane."""
 
     places: int
     median: float
@@ -151,7 +154,8 @@ def _beside(line: FloatArray, points: FloatArray) -> FloatArray:
 
 
 class _Matches(NamedTuple):
-    """Lanes near places: number of the place, number of the lane, distance from its centre line from above, height over it (m)."""
+    """Lanes near places: number of the place, number of the lane, distance from its centre line
+    from above, height over it (m)."""
 
     place: IntArray
     lane: IntArray
@@ -159,7 +163,8 @@ class _Matches(NamedTuple):
     above: FloatArray
 
     def nearest(self, count: int) -> tuple[IntArray, FloatArray]:
-        """The nearest lane of each of `count` places, -1 where there is none, and its distance from above.
+        """The nearest lane of each of `count` places, -1 where there is none, and its distance from
+        above.
 
         Nearest in space: bridges cross lanes.
         """

@@ -1,4 +1,5 @@
-"""Maps as files of their own: converted, compared, described, cut, shown; `xosc_toolchain.road` and the command `xosc-road`.
+"""Maps as files of their own: converted, compared, described, cut, shown; `xosc_toolchain.road` and
+the command `xosc-road`.
 
 A map is read into lanes (`xodr.formats.maps.lane_map.LaneMap`) whatever its format is.
 """
@@ -63,7 +64,8 @@ class MapInfo(NamedTuple):
         bounds: west, south, east, north, m.
         heights: lowest and highest, m.
         projection, offset: as in `LaneMap`.
-        corner: latitude and longitude (degrees) of the south-western corner; None without a projection.
+        corner: latitude and longitude (degrees) of the south-western corner; None without a
+            projection.
         left_hand: whether traffic keeps to the left.
         notes: what was assumed, one sentence each.
     """
@@ -145,9 +147,11 @@ def compare(
     *,
     origin: tuple[float, float] | None = None,
 ) -> MapDifference:
-    """Compare two maps of one place, of any formats: an old and a new version, a source and a conversion.
+    """Compare two maps of one place, of any formats: an old and a new version, a source and a
+    conversion.
 
-    Coordinates of both are taken as they are; where both have projections, those of the second are turned into the first's.
+    Coordinates of both are taken as they are; where both have projections, those of the second are
+    turned into the first's.
 
     Args:
         origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates.
@@ -290,7 +294,8 @@ class Repaired(NamedTuple):
 
 
 def repair(path: str | PathLike[str]) -> Repaired:
-    """Make the repairs of an OpenDRIVE file that loading makes in memory; all else stays as it was written.
+    """Make the repairs of an OpenDRIVE file that loading makes in memory; all else stays as it was
+    written.
 
     Raises:
         InvalidFile: it has a fault that has no sensible mend.

@@ -1,6 +1,8 @@
-"""A map as a page to look at in a browser, and as a picture: lanes by type, directions, connections, faults, differences.
+"""A map as a page to look at in a browser, and as a picture: lanes by type, directions,
+connections, faults, differences.
 
-The page is one file without any other; it draws what is in view only, so that large maps stay usable.
+The page is one file without any other; it draws what is in view only, so that large maps stay
+usable.
 """
 
 from __future__ import annotations

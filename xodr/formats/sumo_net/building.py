@@ -1,4 +1,5 @@
-"""Building SUMO networks of OpenDRIVE files with netconvert (from the eclipse-sumo package), and their cache.
+"""Building SUMO networks of OpenDRIVE files with netconvert (from the eclipse-sumo package), and
+their cache.
 
 An entry of the cache is a network file and an index beside it, named after everything that they
 depend on. Both are written whole, and the bytes depend on the entry alone, so parallel processes
@@ -81,7 +82,8 @@ def program() -> Path:
 
 
 def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
-    """Build a SUMO network, with `folder` for the files between; netconvert's warnings go to the log.
+    """Build a SUMO network, with `folder` for the files between; netconvert's warnings go to the
+    log.
 
     Raises:
         NetconvertFailed: netconvert refuses or takes too long.
@@ -182,7 +184,8 @@ class CacheEntry:
         self.index = self.network.with_name(f"{key}.json")
 
     def read(self) -> dict[str, Any] | None:
-        """The index, None where the entry is absent, damaged, or of files that another user may change."""
+        """The index, None where the entry is absent, damaged, or of files that another user may
+        change."""
         if not (is_own(self.index) and is_own(self.network)):
             return None
         try:
@@ -241,7 +244,8 @@ def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
 
 
 def georeference(network: etree._Element, roads: RoadNetwork) -> str | None:
-    """Give a SUMO network the projection and the offset of its roads; why not, where that can't be done.
+    """Give a SUMO network the projection and the offset of its roads; why not, where that can't be
+    done.
 
     SUMO adds `netOffset` to projected coordinates; it can't turn them.
     """
@@ -303,7 +307,8 @@ def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
 
 
 def _bends(places: FloatArray, heights: FloatArray, kept: BoolArray) -> BoolArray:
-    """The places of a shape with those between at which heights (m) are not those of straight lines."""
+    """The places of a shape with those between at which heights (m) are not those of straight
+    lines."""
     while True:
         away = np.abs(np.interp(places, places[kept], heights[kept]) - heights)
         piece = np.cumsum(kept)  # number of the line that a place is on
@@ -354,7 +359,8 @@ def _connections(network: etree._Element) -> _Connections:
 
 
 def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, LaneTrack]]:
-    """Every SUMO lane with what it is in the road network; lanes inside junctions with all that they pass, longest first."""
+    """Every SUMO lane with what it is in the road network; lanes inside junctions with all that
+    they pass, longest first."""
     found = list(plain.lanes.items())
     onward = {
         f"{source.edge}_{source.lane}": element.get("via")

@@ -1,7 +1,9 @@
-"""Test drives on a SUMO network without a scenario: a vehicle over each connection, and those that do not get there.
+"""Test drives on a SUMO network without a scenario: a vehicle over each connection, and those that
+do not get there.
 
-Vehicles depart one after the other, so that none waits for another one; lights are switched off. A connection fails if SUMO
-refuses the route, or the vehicle is not on the edge behind the connection when the time is over.
+Vehicles depart one after the other, so that none waits for another one; lights are switched off. A
+connection fails if SUMO refuses the route, or the vehicle is not on the edge behind the connection
+when the time is over.
 """
 
 from __future__ import annotations

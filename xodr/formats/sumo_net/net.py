@@ -1,4 +1,5 @@
-"""SUMO networks of OpenDRIVE files: lanes, signals, nodes, lane types with their SUMO vehicle classes, speed limits."""
+"""SUMO networks of OpenDRIVE files: lanes, signals, nodes, lane types with their SUMO vehicle
+classes, speed limits."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ _NOT_ON_ROADS = "pedestrian tram rail_urban rail rail_electric rail_fast ship co
 
 
 class Use(NamedTuple):
-    """Permitted use of a lane: its kind (lanes connect only to lanes of their kind) and SUMO's attribute for it."""
+    """Permitted use of a lane: its kind (lanes connect only to lanes of their kind) and SUMO's
+    attribute for it."""
 
     kind: str
     attribute: str
@@ -69,7 +71,8 @@ _CLASSES = {
     "trucks": "truck trailer",
     "HOV": "hov",
 }
-"""SUMO's vehicle classes of the road users that OpenDRIVE's access restrictions name; it has none for the others."""
+"""SUMO's vehicle classes of the road users that OpenDRIVE's access restrictions name; it has none
+for the others."""
 
 SPEED_LIMITS = {
     "motorway": 130 / 3.6,
@@ -90,7 +93,8 @@ def use_of(lane_type: str) -> Use:
 
 
 def restricted(use: Use, allowed: bool, users: Iterable[str]) -> Use:
-    """Return the use of a lane that some road users alone may take (`allowed`), or all others; emergency vehicles always may."""
+    """Return the use of a lane that some road users alone may take (`allowed`), or all others;
+    emergency vehicles always may."""
     named = {kind for user in users for kind in _CLASSES.get(user, "").split()}
     if not named or use is CLOSED:
         return use
@@ -110,11 +114,13 @@ def restricted(use: Use, allowed: bool, users: Iterable[str]) -> Use:
 
 
 DOCK = "dock"
-"""Edge far from all roads that every kind of participant may use: where they are inserted before they are moved."""
+"""Edge far from all roads that every kind of participant may use: where they are inserted before
+they are moved."""
 
 
 class LaneTrack(NamedTuple):
-    """A SUMO lane in the road network: s at the SUMO lane's beginning and at its end, in the direction of travel."""
+    """A SUMO lane in the road network: s at the SUMO lane's beginning and at its end, in the
+    direction of travel."""
 
     road_id: str
     lane_id: int
@@ -164,11 +170,13 @@ class SumoNet:
 
     @property
     def sumo_lanes(self) -> Mapping[str, LaneTrack]:
-        """Every SUMO lane that stands for a lane of the road network. In junctions it may pass several: the longest is named."""
+        """Every SUMO lane that stands for a lane of the road network. In junctions it may pass
+        several: the longest is named."""
         return self._tracks
 
     def sumo_lane(self, road_id: str, lane_id: int, s: float) -> str | None:
-        """The SUMO lane of a lane at s; None where SUMO has none: closed roads, lanes without width."""
+        """The SUMO lane of a lane at s; None where SUMO has none: closed roads, lanes without
+        width."""
         places = self._lanes.get((road_id, lane_id))
         if not places:
             return None
@@ -281,7 +289,8 @@ LONGEST_CHAIN = 8
 
 
 class LaneConnection(NamedTuple):
-    """From a lane that ends at a road's end, over connecting lanes, to a lane that begins at a road's end.
+    """From a lane that ends at a road's end, over connecting lanes, to a lane that begins at a
+    road's end.
 
     All three name lanes by the end that the connection touches: source its end of departure, via
     and target their entries.
@@ -293,7 +302,8 @@ class LaneConnection(NamedTuple):
 
 
 def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
-    """Every connection that some kind of traffic may take from one road that is not a connecting road to the next."""
+    """Every connection that some kind of traffic may take from one road that is not a connecting
+    road to the next."""
     found = []
     for road in network.roads.values():
         if _connects(network, road):
@@ -311,7 +321,8 @@ def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
 
 
 def stretches(road: Road, entry: LaneLink) -> list[tuple[LaneSection, int]]:
-    """The lane's sections and ids from its entry to the other end of the road; cut short where the lane ends before."""
+    """The lane's sections and ids from its entry to the other end of the road; cut short where the
+    lane ends before."""
     sections = road.sections if entry.at_start else road.sections[::-1]
     lane_id: int | None = entry.lane_id
     found = []
@@ -353,7 +364,8 @@ _End = tuple[str, ...]
 
 
 class Nodes:
-    """Names of the nodes at the ends of roads: those at one junction are one, and so are two that a connection joins.
+    """Names of the nodes at the ends of roads: those at one junction are one, and so are two that a
+    connection joins.
 
     Attributes:
         corners: by node, the right and left edges of the roads that end there.

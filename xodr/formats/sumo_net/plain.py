@@ -51,7 +51,8 @@ from xodr.model import Lane, LaneLink, LaneSection, Signal, SignalReference
 from xodr.model.road import Road
 
 APPROACH = 30.0
-"""A light at most this far before a junction holds traffic at the junction, otherwise where it stands, in m."""
+"""A light at most this far before a junction holds traffic at the junction, otherwise where it
+stands, in m."""
 
 _FOR_OTHERS = ("1000002", "1000007", "1000013")
 """Signal types of country OpenDRIVE: lights for pedestrians and cyclists only."""
@@ -116,7 +117,8 @@ def _directions(road: Road, signal_id: str, signal: Signal | SignalReference) ->
 
 
 def _stop(road: Road, s: float, direction: int) -> float | None:
-    """Return the stop position for a traffic light at s; None for a near junction ahead or a light past the road."""
+    """Return the stop position for a traffic light at s; None for a near junction ahead or a light
+    past the road."""
     link, left = (road.successor, road.length - s) if direction > 0 else (road.predecessor, s)
     at_junction = link is not None and link.element_type == "junction" and left <= APPROACH
     return None if at_junction or not 0.5 < s < road.length - 0.5 else s
@@ -212,7 +214,8 @@ class _Writer:
         self.nowhere = text([(x, y), (x + 1.0, y), (x + 1.0, y + 1.0)])
 
     def write(self) -> PlainNetwork:
-        """The network as nodes, edges and connections: all roads first, then the connections through junctions."""
+        """The network as nodes, edges and connections: all roads first, then the connections
+        through junctions."""
         for road in self.roads:
             self._road(road)
         for connection in self.connections:
@@ -223,7 +226,8 @@ class _Writer:
     # roads ----------------------------------------------------------------------------------
 
     def _road(self, road: Road) -> None:
-        """The edges of one road and the ways between them; remembers which SUMO lanes lie at the road's ends."""
+        """The edges of one road and the ways between them; remembers which SUMO lanes lie at the
+        road's ends."""
         pieces = self._pieces(road)
         prefix = quote(road.id, safe="")
         inner = [self.nodes.inner_name(road, number) for number in range(1, len(pieces))]
@@ -242,7 +246,8 @@ class _Writer:
             }
 
     def _pieces(self, road: Road) -> list[_Piece]:
-        """The road cut at lane sections, access restrictions and traffic lights, and where an edge would lead to its own node.
+        """The road cut at lane sections, access restrictions and traffic lights, and where an edge
+        would lead to its own node.
 
         Bends are cut into stretches as well: moveToXY looks through all points of the edges near a
         participant.
@@ -272,7 +277,8 @@ class _Writer:
     def _edge(
         self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]
     ) -> _Row:
-        """Return the edge with all lanes of one direction, none if all are closed, and the position of each lane in SUMO."""
+        """Return the edge with all lanes of one direction, none if all are closed, and the position
+        of each lane in SUMO."""
         lanes = self._from_the_kerb(road, piece, direction)
         if all(_use(lane) is CLOSED for lane in lanes):
             return {}
@@ -335,7 +341,8 @@ class _Writer:
     # junctions ------------------------------------------------------------------------------
 
     def _connect(self, connection: LaneConnection) -> None:
-        """One connection from road to road. SUMO has only one from a lane to a lane: the first shapes it."""
+        """One connection from road to road. SUMO has only one from a lane to a lane: the first
+        shapes it."""
         source, target = self.mouths.get(connection.source), self.mouths.get(connection.target)
         if source is None or target is None:
             return
@@ -355,7 +362,8 @@ class _Writer:
         )
 
     def _held(self, connection: LaneConnection) -> Iterator[str]:
-        """The lights at the end of the road that the connection comes from, and those on the connecting roads."""
+        """The lights at the end of the road that the connection comes from, and those on the
+        connecting roads."""
         direction = -1 if connection.source.at_start else 1
         for light in self.lights[connection.source.road_id]:
             if light.s is None and light.holds(connection.source.lane_id, direction):
@@ -371,7 +379,8 @@ class _Writer:
     # the rest -------------------------------------------------------------------------------
 
     def _connections(self) -> None:
-        """All connections and nodes; where a light holds one connection, the others of its node are marked as free."""
+        """All connections and nodes; where a light holds one connection, the others of its node are
+        marked as free."""
         lit = {
             self.end_nodes[source.edge] for (source, _), held in self.plain.signals.items() if held
         }
@@ -395,7 +404,8 @@ class _Writer:
                 element.set("uncontrolled", "true")
 
     def _node(self, name: str, corners: list[Point], kind: str) -> None:
-        """A node with no outline of its own: netconvert would cut the lanes back, or draw them on, to where they meet it."""
+        """A node with no outline of its own: netconvert would cut the lanes back, or draw them on,
+        to where they meet it."""
         x, y = middle(corners)
         _element(
             self.plain.nodes,

@@ -63,7 +63,8 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
 
 
 def _once(root: Node, remarks: list[Remark]) -> list[Remark]:
-    """Remarks that say the same of several lines as one, on the first of them; those with a cause once a catalogue entry."""
+    """Remarks that say the same of several lines as one, on the first of them; those with a cause
+    once a catalogue entry."""
     entries = [
         entry.line or 0 for catalog in root.children("Catalog") for entry in catalog.children()
     ]

@@ -1,4 +1,5 @@
-"""Repairs of attributes and names: values that say nothing, other spellings, missing ones, names declared twice or with a `$`."""
+"""Repairs of attributes and names: values that say nothing, other spellings, missing ones, names
+declared twice or with a `$`."""
 
 from __future__ import annotations
 
@@ -94,8 +95,8 @@ class Attribute(NamedTuple):
 
 
 class Child(NamedTuple):
-    """A child element: place: its number among its siblings, -1 where any will do. required, many: whether it must be there, and
-    may be there more than once. type: the name of its type."""
+    """A child element: place: its number among its siblings, -1 where any will do. required, many:
+    whether it must be there, and may be there more than once. type: the name of its type."""
 
     place: int
     required: bool
@@ -134,7 +135,8 @@ def names(
 
 @cache
 def is_standard(tag: str) -> bool:
-    """Whether any version of the standard has an element of that name; so it is where no XSD is at hand."""
+    """Whether any version of the standard has an element of that name; so it is where no XSD is at
+    hand."""
     schemas = [schema for schema in available_schemas() if schema.standard == OPENSCENARIO]
     trees = [tree for schema in schemas if (tree := _tree(schema.version[:2])) is not None]
     elements = (element for tree in trees for element in tree.iter("{*}element"))
@@ -163,7 +165,8 @@ def suggested(name: str, known: Iterable[str]) -> str:
 
 @cache
 def children(version: tuple[int, int]) -> dict[str, dict[str, Child]]:
-    """Child elements by the name of their parent, then by their own, for parents that may hold more than one of a choice."""
+    """Child elements by the name of their parent, then by their own, for parents that may hold more
+    than one of a choice."""
     tree = _tree(version)
     if tree is None:
         return {}
@@ -208,7 +211,8 @@ def _tree(version: tuple[int, int]) -> etree._ElementTree | None:
 def _by_element(
     tree: etree._ElementTree, read: Callable[[etree._Element], dict[str, T]]
 ) -> dict[str, dict[str, T]]:
-    """Read a property of each element's type, by element name. Elements with several types are left out."""
+    """Read a property of each element's type, by element name. Elements with several types are left
+    out."""
     types = {kind.get("name"): kind for kind in tree.iter("{*}complexType") if kind.get("name")}
     found: dict[str, dict[str, T]] = {}
     ambiguous: set[str] = set()
@@ -238,7 +242,8 @@ def _values(kind: etree._Element) -> tuple[str, ...]:
 def _children(
     model: etree._Element, groups: dict[str | None, etree._Element], place: int
 ) -> tuple[dict[str, Child], int]:
-    """The children in a sequence, choice, all or group, the first of them at a place; and the place behind them."""
+    """The children in a sequence, choice, all or group, the first of them at a place; and the place
+    behind them."""
     found: dict[str, Child] = {}
     kind, begin, end = etree.QName(model).localname, place, place
     for particle in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
@@ -277,7 +282,8 @@ _saying_nothing = etree.XPath(
 
 
 def leave_out_absent_values(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Leave out optional attributes that say that they have no value (`None`), where their type has no such value."""
+    """Leave out optional attributes that say that they have no value (`None`), where their type has
+    no such value."""
     declared = attributes(version)
     for element in cast(list[etree._Element], _saying_nothing(root.element)):
         node = root.at(element)
@@ -295,7 +301,8 @@ _FORMER = {("Condition", "edge"): "conditionEdge", ("Gear", "value"): "number"}
 
 
 def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Give attributes that no version of the standard has the name that is nearly theirs; leave out the others."""
+    """Give attributes that no version of the standard has the name that is nearly theirs; leave out
+    the others."""
     declared, known = attributes(version), names(attributes)
     for node in root.iter():
         given = [str(name) for name in node.element.attrib] if node.tag in known else []
@@ -357,7 +364,8 @@ _NOT_EXECUTED = ("FileHeader", "Properties")
 
 
 def ignored(node: Node) -> str:
-    """Cause of an inconclusive run where an element, or an attribute of it, is left out; empty where nothing is executed."""
+    """Cause of an inconclusive run where an element, or an attribute of it, is left out; empty
+    where nothing is executed."""
     return (
         ""
         if any(
@@ -370,11 +378,13 @@ def ignored(node: Node) -> str:
 _TYPES = {"bool": "boolean", "float": "double", "str": "string"}
 """Types of parameters by their names in programming languages."""
 _UNLIMITED = ("maximumExecutionCount", "-1", "4294967295")
-"""A number of executions that other players take as any number, and the greatest that the standard knows."""
+"""A number of executions that other players take as any number, and the greatest that the standard
+knows."""
 
 
 def correct_spellings(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Write values in the spelling of their type: `true` for `True`, `2` for `2.0`, `rising` for `Rising`."""
+    """Write values in the spelling of their type: `true` for `True`, `2` for `2.0`, `rising` for
+    `Rising`."""
     declared = attributes(version)
     for node in root.iter():
         for name, attribute in declared.get(node.tag, {}).items():
@@ -413,7 +423,8 @@ def _standard_spelling(name: str, attribute: Attribute, text: str) -> str | None
 
 
 def _nearest_value(text: str, values: Collection[str]) -> str | None:
-    """The only value of an enumeration that a text in lower case spells, begins or nearly spells; None where there is none."""
+    """The only value of an enumeration that a text in lower case spells, begins or nearly spells;
+    None where there is none."""
     by_lower = {value.lower(): value for value in values}
     alike = [lower for lower in by_lower if lower == text]
     alike = alike or [
@@ -452,7 +463,8 @@ _DEFAULTS = {
     ),
     "1970-01-01T00:00:00": ("FileHeader/date",),
 }  # fmt: skip
-"""Attributes of elements, by the value that changes nothing: later versions have it as default, or nothing else can be meant."""
+"""Attributes of elements, by the value that changes nothing: later versions have it as default, or
+nothing else can be meant."""
 _DEFAULT_OF = {name: value for value, names in _DEFAULTS.items() for name in names}
 _AT_ONCE = "0"
 """Value of the dynamics of a step, which may omit it."""

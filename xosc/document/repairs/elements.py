@@ -1,4 +1,5 @@
-"""Repairs of elements: doubled, misspelt, in another order or missing; and the violations of the schema that are left."""
+"""Repairs of elements: doubled, misspelt, in another order or missing; and the violations of the
+schema that are left."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ _LISTS = (
 
 
 def join_doubled_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Put lists together that are there several times, and keep the first of other elements that may be there once."""
+    """Put lists together that are there several times, and keep the first of other elements that
+    may be there once."""
     declared = children(version)
     for node in list(root.iter()):
         first: dict[str, Node] = {}
@@ -98,7 +100,8 @@ _STEADY = ("TargetDistanceSteadyState", "TargetTimeSteadyState")
 
 
 def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Put dynamics and steady states, one element too deep or beside their element, where they belong."""
+    """Put dynamics and steady states, one element too deep or beside their element, where they
+    belong."""
     for node in list(root.iter(*_DYNAMICS)):
         inside = node.children()
         if len(inside) == 1 and not node.element.attrib and inside[0].has("dynamicsShape"):
@@ -138,7 +141,8 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
 
 
 def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Rename elements whose name is nearly that of an allowed element that is absent, or is the name of its type."""
+    """Rename elements whose name is nearly that of an allowed element that is absent, or is the
+    name of its type."""
     declared, known = children(version), names(children)
     for node in list(root.iter()):
         siblings = declared.get(node.tag, {})
@@ -167,7 +171,8 @@ def _of_type(name: str, absent: dict[str, Child]) -> str:
 
 
 def order_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Put child elements in the order of the standard, where it has no meaning; those of one name stay in theirs."""
+    """Put child elements in the order of the standard, where it has no meaning; those of one name
+    stay in theirs."""
     declared = children(version)
     for node in list(root.iter()):
         siblings = declared.get(node.tag, {})
@@ -258,11 +263,13 @@ _BOXES = {
     "pedestrian": (0.0, 0.5, 0.6, 1.8),
     "wheelchair": (0.3, 1.1, 0.7, 1.4),
 }
-"""x of the centre from the rear axle, length, width and height (m) of common European vehicles, by category."""
+"""x of the centre from the rear axle, length, width and height (m) of common European vehicles, by
+category."""
 
 
 def add_missing_boxes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Give vehicles and pedestrians a missing BoundingBox, that of their category, where there is a usual size."""
+    """Give vehicles and pedestrians a missing BoundingBox, that of their category, where there is a
+    usual size."""
     for node in root.iter("Vehicle", "Pedestrian"):
         category = node.get(f"{node.tag.lower()}Category", "")
         if node.find("BoundingBox") is not None or category not in _BOXES:
@@ -283,7 +290,8 @@ def add_missing_boxes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
 
 
 def _unknown(root: Node, version: tuple[int, int]) -> Iterator[tuple[Node, Iterable[str]]]:
-    """Elements that no version of the standard has at their place, with the names that this version has there."""
+    """Elements that no version of the standard has at their place, with the names that this version
+    has there."""
     known, declared = names(content), content(version)
     for node in root.iter(*known):
         for child in node.children():

@@ -1,4 +1,5 @@
-"""The revision of a document: the declared one rules, unless the content says that it is of another."""
+"""The revision of a document: the declared one rules, unless the content says that it is of
+another."""
 
 from __future__ import annotations
 
@@ -89,7 +90,8 @@ def claimed(root: Node) -> Version | None:
 
 
 def _distance(version: Version, said: Version | None) -> tuple[int, int]:
-    """Return the distance between a version and the one in the header; of two equally distant ones the newer sorts first."""
+    """Return the distance between a version and the one in the header; of two equally distant ones
+    the newer sorts first."""
     distance = abs(100 * version[0] + version[1] - 100 * said[0] - said[1]) if said else 0
     return distance, -version[1]
 
@@ -120,7 +122,8 @@ def _keeps(root: Node, version: Version) -> bool:
 
 
 def foreign(root: Node, version: Version) -> list[str]:
-    """Return a sentence on each element, attribute or expression that a version lacks and another one has.
+    """Return a sentence on each element, attribute or expression that a version lacks and another
+    one has.
 
     Names that no version has are misspelt, and say nothing of the version. Nor do values: the
     runner reads those of all versions alike.

@@ -1,4 +1,5 @@
-"""Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
+"""Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on
+standalone OpenDRIVE roads.
 
 Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops
 at, leaves out or reads otherwise is refused (`REFUSED`), unless it can be expressed in its own way
@@ -75,7 +76,8 @@ _POSITIONS = ("RoutePosition", "TrajectoryPosition", "GeoPosition")
 def export(
     source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS
 ) -> Sequence[str]:
-    """Write a scenario, or that of a distribution with each set of its parameters, for scenario_runner.
+    """Write a scenario, or that of a distribution with each set of its parameters, for
+    scenario_runner.
 
     Returns:
         Remarks on what is approximated, or not read.
@@ -117,7 +119,8 @@ def export(
 
 
 def prepare(scenario: Document, geometry: RoadGeometry, draft: Draft) -> Mapping[str, InitialState]:
-    """Say what scenario_runner has no word for by what the roads make of it, in place; the initial states of all entities.
+    """Say what scenario_runner has no word for by what the roads make of it, in place; the initial
+    states of all entities.
 
     Raises:
         Unsupported: a way is not known before the scenario runs.
@@ -136,7 +139,8 @@ def prepare(scenario: Document, geometry: RoadGeometry, draft: Draft) -> Mapping
 
 
 def _is_read_otherwise(position: Node) -> bool:
-    """Whether a position is none of scenario_runner's, or has an offset, orientation or layer, which it reads its own way."""
+    """Whether a position is none of scenario_runner's, or has an offset, orientation or layer,
+    which it reads its own way."""
     if position.tag not in ("LanePosition", "RoadPosition"):
         return position.tag in _POSITIONS
     orientation = position.find("Orientation")

@@ -1,4 +1,5 @@
-"""Actions and lateral values as scenario_runner reads them, and what it stops at, leaves out, reads otherwise or accepts.
+"""Actions and lateral values as scenario_runner reads them, and what it stops at, leaves out, reads
+otherwise or accepts.
 
 Each change is made in place, in a worked-out document of version 1.1 or later; what scenario_runner
 cannot express is refused. Lateral values are positive to the right of the lane's traffic, or of the
@@ -137,7 +138,8 @@ def need_map(document: Document, network: RoadFile | None) -> None:
 
 
 def need_entities(document: Document) -> None:
-    """Refuse a scenario with references to entities that it does not have, at which scenario_runner stops.
+    """Refuse a scenario with references to entities that it does not have, at which scenario_runner
+    stops.
 
     Raises:
         InvalidFile: there is one; the first is named with file and line.
@@ -155,7 +157,8 @@ def need_entities(document: Document) -> None:
 
 
 def settle(document: Document, network: Path | None) -> Iterator[str]:
-    """Move positions at the end of a road, or beyond it, to the last place that CARLA has there; remarks on that.
+    """Move positions at the end of a road, or beyond it, to the last place that CARLA has there;
+    remarks on that.
 
     Raises:
         Unsupported: CARLA can't make a map of the roads.
@@ -298,7 +301,8 @@ def change(
 
 
 def _on_lane(position: Node, known: Mapping[str, InitialState], roads: _Elements) -> None:
-    """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
+    """The lane that a first position comes to: scenario_runner measures ds with the traffic, the
+    standard with the road."""
     private = next(
         (ancestor for ancestor in position.element.iterancestors() if ancestor.tag == "Private"),
         None,
@@ -322,7 +326,8 @@ def _roads(network: Path | None) -> _Elements:
 
 
 def _speed(action: Node, state: State) -> str:
-    """Time of a change with a rate: scenario_runner reads each number that is not a distance as a time."""
+    """Time of a change with a rate: scenario_runner reads each number that is not a distance as a
+    time."""
     dynamics = action.need("SpeedActionDynamics")
     if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
         return ""
@@ -339,7 +344,8 @@ def _speed(action: Node, state: State) -> str:
 
 
 def _stop(document: Document) -> str:
-    """End each act at the times at which the storyboard's StopTrigger ends the run; scenario_runner looks for criteria there only."""
+    """End each act at the times at which the storyboard's StopTrigger ends the run; scenario_runner
+    looks for criteria there only."""
     trigger = document.node.find("Storyboard", "StopTrigger")
     others = (
         [group for group in trigger.children() if not _criteria(group)]
@@ -501,7 +507,8 @@ def _over_distance(
 
 
 def _driven(action: Node, actor: str, geometry: RoadGeometry) -> float:
-    """Return the distance (m) along the road that the actor drives in a run after an action ends; 0 if it stands."""
+    """Return the distance (m) along the road that the actor drives in a run after an action ends; 0
+    if it stands."""
     begin, end = geometry.begins(action), geometry.ends(action)
     places = geometry.driven(actor, begin, end) if begin is not None and end is not None else []
     return sum(math.dist(a[:3], b[:3]) for a, b in pairwise(places))

@@ -1,4 +1,5 @@
-"""Motion for scenario_runner: the beginning, routes and trajectories as waypoints in a line, with times where they count.
+"""Motion for scenario_runner: the beginning, routes and trajectories as waypoints in a line, with
+times where they count.
 
 scenario_runner takes the last Position inside a Private as the start of the entity, and reads only
 speeds that are absolute and at once; everything else moves to a story. It waits for the delay of a
@@ -98,7 +99,8 @@ def _is_plain(position: Node) -> bool:
 
 
 def _rest(private: Node, start: InitialState, scenario: Node) -> Iterator[str]:
-    """All other actions: speeds that are set at once become absolute, what scenario_runner does not read here goes on later."""
+    """All other actions: speeds that are set at once become absolute, what scenario_runner does not
+    read here goes on later."""
     for holder in private.children("PrivateAction"):
         action = _inside(holder)
         if action.tag == "SpeedAction":
@@ -207,7 +209,8 @@ def no_delays(document: Document, geometry: RoadGeometry | None) -> Iterator[str
 
 
 def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> str:
-    """The time at which what the condition alone starts begins in a run, where the condition is not about the ego."""
+    """The time at which what the condition alone starts begins in a run, where the condition is not
+    about the ego."""
     around = list(condition.element.iterancestors("StartTrigger", "Event", "Act"))
     if geometry is None or not around or around[0].tag != "StartTrigger":
         raise condition.unsupported(_WAITS)
@@ -238,7 +241,8 @@ _OVERRIDES = {
 
 
 def follow(places: Sequence[Vertex], *, timed: bool) -> etree._Element:
-    """An element RoutingAction that follows a trajectory; with times, if they count, from its start."""
+    """An element RoutingAction that follows a trajectory; with times, if they count, from its
+    start."""
     routing = etree.Element("RoutingAction")
     action = etree.SubElement(routing, "FollowTrajectoryAction")
     reference = etree.SubElement(action, "TrajectoryRef")
@@ -254,7 +258,8 @@ def follow(places: Sequence[Vertex], *, timed: bool) -> etree._Element:
 
 
 def times(document: Document) -> None:
-    """Times of trajectories as scenario_runner reads them: at all vertices, from the start of the action, as they stand there.
+    """Times of trajectories as scenario_runner reads them: at all vertices, from the start of the
+    action, as they stand there.
 
     Raises:
         Unsupported: they count from the beginning of the scenario, and the action may start later.
@@ -288,7 +293,8 @@ def starts_with_scenario(action: Node) -> bool:
 
 
 def steer(document: Document) -> None:
-    """Give followers of trajectories without times a controller that ignores them; in a document of 1.0."""
+    """Give followers of trajectories without times a controller that ignores them; in a document of
+    1.0."""
     untimed = [
         action
         for action in document.node.iter("FollowTrajectoryAction")
@@ -337,7 +343,8 @@ _JUMP = 2.0
 
 
 def trajectories(document: Document, geometry: RoadGeometry) -> Iterator[str]:
-    """Say trajectories that depend on what happens, or begin inside, by the way that their actor takes, in place; remarks."""
+    """Say trajectories that depend on what happens, or begin inside, by the way that their actor
+    takes, in place; remarks."""
     relative = () if is_for_carla(document.node) else _MOVING
     for action in list(document.node.iter("FollowTrajectoryAction")):
         timing = action.find("TimeReference", "Timing")
@@ -355,7 +362,8 @@ def trajectories(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
-    """Replace speed profiles independent of other entities by timed trajectories, if nothing else moves the actor; remarks."""
+    """Replace speed profiles independent of other entities by timed trajectories, if nothing else
+    moves the actor; remarks."""
     stories = document.node.need("Storyboard").children("Story")
     for action in [action for story in stories for action in story.iter("SpeedProfileAction")]:
         begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
@@ -371,7 +379,8 @@ def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def kept_distances(document: Document, geometry: RoadGeometry) -> Iterator[str]:
-    """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
+    """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in
+    place; remarks."""
     scenario = document.node
     for action in [
         action
@@ -402,7 +411,8 @@ def _begin(action: Node, geometry: RoadGeometry) -> float | None:
 def _led(
     entity: str, since: float, scenario: Node, geometry: RoadGeometry, kinds: Sequence[str]
 ) -> float:
-    """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
+    """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity
+    where none does."""
     others = [
         action
         for story in scenario.need("Storyboard").children("Story")
@@ -413,7 +423,8 @@ def _led(
 
 
 def _as_driven(action: Node, geometry: RoadGeometry, *, timed: bool) -> Iterator[str]:
-    """Say an action of one actor by its way from the action's begin to its end, where it begins in a run; the remark."""
+    """Say an action of one actor by its way from the action's begin to its end, where it begins in
+    a run; the remark."""
     begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
     if begin is None or len(doing) != 1:
         return
@@ -434,7 +445,8 @@ def _written(action: Node, entity: str, driven: Sequence[Vertex], *, timed: bool
 
 
 def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
-    """Say positions to which stories put an actor, and which depend on what happens, by where they are, in place; remarks."""
+    """Say positions to which stories put an actor, and which depend on what happens, by where they
+    are, in place; remarks."""
     if is_for_carla(document.node):
         return
     for story in document.node.need("Storyboard").children("Story"):
@@ -451,7 +463,8 @@ def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Unsupported) -> str:
-    """Say a lateral action or a route by the way that its actor takes from there until another action leads it; the remark.
+    """Say a lateral action or a route by the way that its actor takes from there until another
+    action leads it; the remark.
 
     Raises:
         Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its
@@ -475,7 +488,8 @@ def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Uns
 
 
 def _from_its_start(places: Sequence[Vertex]) -> Sequence[Vertex]:
-    """Return the path of an entity teleported onto a trajectory; it begins one step's distance before the next place."""
+    """Return the path of an entity teleported onto a trajectory; it begins one step's distance
+    before the next place."""
     if (
         len(places) < 3
         or math.dist(places[0][:3], places[1][:3])
@@ -536,7 +550,8 @@ def routes(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def _is_left_aside(action: Node, scenario: Node) -> bool:
-    """Whether its actors go beside their route, or change lanes on it: that leaves a route as it is, and ends a trajectory."""
+    """Whether its actors go beside their route, or change lanes on it: that leaves a route as it
+    is, and ends a trajectory."""
     doing = set(actors(action))
     return any(
         doing & set(actors(lateral)) and not _is_first(lateral)
@@ -562,7 +577,8 @@ def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) ->
 
 
 def _only_way(action: Node, entity: str, scenario: Node, beside: Sequence[str]) -> None:
-    """Make sure that nothing else leads an entity: no other route, trajectory or teleport, nor an action of these kinds.
+    """Make sure that nothing else leads an entity: no other route, trajectory or teleport, nor an
+    action of these kinds.
 
     Raises:
         Unsupported: something does.

@@ -183,7 +183,8 @@ def time_headway(
     freespace: bool = True,
     edge: str = "none",
 ) -> TriggerCondition:
-    """`TimeHeadwayCondition`: the distance of `entity` to `other` over the speed of `entity`, s; see `relative_distance`."""
+    """`TimeHeadwayCondition`: the distance of `entity` to `other` over the speed of `entity`, s;
+    see `relative_distance`."""
     condition = sg.TimeHeadwayCondition(
         other,
         number(value),
@@ -204,7 +205,8 @@ def time_to_collision(
     freespace: bool = True,
     edge: str = "none",
 ) -> TriggerCondition:
-    """`TimeToCollisionCondition`: the distance of `entity` to `other` over their closing speed, s; see `relative_distance`."""
+    """`TimeToCollisionCondition`: the distance of `entity` to `other` over their closing speed, s;
+    see `relative_distance`."""
     condition = sg.TimeToCollisionCondition(
         number(value),
         enum_value("Rule", rule),
@@ -260,7 +262,8 @@ def lane_position(road: str, lane: str | int, s: Number, offset: Number = 0.0) -
 
 
 def relative_lane_position(entity: str, lanes: Number, ds: Number) -> Any:
-    """A position so many lanes to the left of an entity's (negative: to the right) and `ds` (m) ahead of it, along the road."""
+    """A position so many lanes to the left of an entity's (negative: to the right) and `ds` (m)
+    ahead of it, along the road."""
     return sg.RelativeLanePosition(number(lanes), entity, 0.0, number(ds))
 
 
@@ -280,7 +283,8 @@ def speed(target: Number, dynamics: Dynamics = STEP) -> Any:
 
 
 class Reaction(NamedTuple):
-    """`DynamicConstraints`: how hard one accelerates and brakes (m/s²), and how fast either comes about (m/s³)."""
+    """`DynamicConstraints`: how hard one accelerates and brakes (m/s²), and how fast either comes
+    about (m/s³)."""
 
     acceleration: float
     deceleration: float
@@ -288,7 +292,8 @@ class Reaction(NamedTuple):
 
 
 def keep_distance(entity: str, distance: Number, limits: Reaction) -> Any:
-    """`LongitudinalDistanceAction` that goes on: keep a gap (m) of the boxes behind an entity, along the lane, within limits."""
+    """`LongitudinalDistanceAction` that goes on: keep a gap (m) of the boxes behind an entity,
+    along the lane, within limits."""
     return sg.LongitudinalDistanceAction(
         entity,
         freespace=True,
@@ -308,7 +313,8 @@ def speed_profile(
     following_mode: str = "position",
     jerk: Number | None = None,
 ) -> Any:
-    """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from the one before.
+    """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from
+    the one before.
 
     Args:
         following_mode: position (exactly) or follow (within the limits of what vehicles do).
@@ -358,7 +364,8 @@ def trajectory(
     z: Sequence[float] | None = None,
     h: Sequence[float] | None = None,
 ) -> Any:
-    """A polyline `Trajectory` from arrays of the same length: time (s), position of the reference point (m), heading (rad).
+    """A polyline `Trajectory` from arrays of the same length: time (s), position of the reference
+    point (m), heading (rad).
 
     Raises:
         UsageError: fewer than two points, arrays of different lengths, or times that go back.
@@ -397,7 +404,8 @@ def follow_trajectory(
 
 
 def follow_path(path: Any, start: Number) -> Any:
-    """`FollowTrajectoryAction` without times: along a `trajectory` (or a catalogue's) at the speed that other actions give.
+    """`FollowTrajectoryAction` without times: along a `trajectory` (or a catalogue's) at the speed
+    that other actions give.
 
     Args:
         path: the trajectory.
@@ -447,7 +455,8 @@ def event(name: str, actions: Sequence[Any], start: Conditions, priority: str = 
 
 
 def maneuver(name: str, events: Sequence[Any], parameters: Sequence[Any] = ()) -> Any:
-    """`Maneuver`: events of one participant; with `parameter` declarations of its own where it is for a catalogue."""
+    """`Maneuver`: events of one participant; with `parameter` declarations of its own where it is
+    for a catalogue."""
     built = sg.Maneuver(name, declarations(parameters) if parameters else None)
     for event in events:
         built.add_event(event)

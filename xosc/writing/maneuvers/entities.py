@@ -1,4 +1,5 @@
-"""Participants with given dimensions, references to catalogues, parameters with constraints; numbers and enumerations."""
+"""Participants with given dimensions, references to catalogues, parameters with constraints;
+numbers and enumerations."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ Number = float | str
 
 
 def number(value: Number) -> float | str:
-    """The value as scenariogeneration takes it; UsageError for what is neither finite nor a reference."""
+    """The value as scenariogeneration takes it; UsageError for what is neither finite nor a
+    reference."""
     if isinstance(value, str):
         if value.startswith("$"):
             return value
@@ -53,13 +55,15 @@ _TRAJECTORY = """<Trajectory name="{name}" closed="false"><Shape><Polyline>
 _VERTEX = '<Vertex time="%r"><Position><WorldPosition %s/></Position></Vertex>\n'
 """A line per vertex without indentation: half of a catalogue of recorded motion would be blanks"""
 _PLACES = 1 << 17
-"""Places of vertices whose texts are kept, some 50 MB: scenes of one recording that overlap have them in common"""
+"""Places of vertices whose texts are kept, some 50 MB: scenes of one recording that overlap have
+them in common"""
 _BETWEEN = re.compile(r">\n *<")
 ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
 class PolylineTrajectory(sg.Trajectory):
-    """A `Trajectory` with one vertex a row of columns t, x, y and perhaps z and h, kept as its text, as it stands in a catalogue.
+    """A `Trajectory` with one vertex a row of columns t, x, y and perhaps z and h, kept as its
+    text, as it stands in a catalogue.
 
     Three objects a vertex would take most of the time of writing recorded motion.
 
@@ -215,7 +219,8 @@ def obstacle(
     category: str = "obstacle",
     mass: float = 100.0,
 ) -> Any:
-    """A `MiscObject` whose reference point is the middle of its box, on the ground; see `pedestrian`."""
+    """A `MiscObject` whose reference point is the middle of its box, on the ground; see
+    `pedestrian`."""
     box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
     return sg.MiscObject(name, mass, enum_value("MiscObjectCategory", category), box)
 

@@ -1,4 +1,5 @@
-"""Complete files: scenarios, catalogues of all eight kinds, and documents in which elements of some forms repeat."""
+"""Complete files: scenarios, catalogues of all eight kinds, and documents in which elements of some
+forms repeat."""
 
 from __future__ import annotations
 
@@ -125,7 +126,8 @@ def catalog(
 def trajectory_catalog(
     header: FileHeader, entries: Sequence[PolylineTrajectory], version: Version = (1, 3)
 ) -> bytes:
-    """The content of a file with a catalogue of polylines, which takes a tenth of the time of making its document.
+    """The content of a file with a catalogue of polylines, which takes a tenth of the time of
+    making its document.
 
     The document of one entry with two vertices gives what is around the entries, valid by the XSD
     of the version; an entry is the same text in all versions.
@@ -212,7 +214,8 @@ class Form:
         }
 
     def filled(self, names: Mapping[str, str], numbers: Mapping[str, Number]) -> dict[str, str]:
-        """The elements by their tags, a line for each without indentation, with values in place of references.
+        """The elements by their tags, a line for each without indentation, with values in place of
+        references.
 
         Raises:
             UsageError: a number is not finite.

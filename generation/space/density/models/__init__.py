@@ -1,4 +1,5 @@
-"""Density models by name: classes of this folder's modules, each of which describes its models in a literal `DENSITIES`."""
+"""Density models by name: classes of this folder's modules, each of which describes its models in a
+literal `DENSITIES`."""
 
 from __future__ import annotations
 
@@ -14,11 +15,12 @@ if TYPE_CHECKING:
 DEFAULT = "kde"
 """The density of the publication."""
 JUDGE = "mixture"
-"""The density that says what is foreseeable: the likeliest to recordings that it has not seen of those that pass the gate
-(`python -m studies.generation densities`)."""
+"""The density that says what is foreseeable: the likeliest to recordings that it has not seen of
+those that pass the gate (`python -m studies.generation densities`)."""
 _OF_PAIRS = "student"
-"""The judge in the place of the mixture where there are few units of many parameters: pairs of adversaries. 6 % of recorded pairs
-lie outside what 99 % of the mixture's draws keep within, and 1 % outside that of this one."""
+"""The judge in the place of the mixture where there are few units of many parameters: pairs of
+adversaries. 6 % of recorded pairs lie outside what 99 % of the mixture's draws keep within, and 1 %
+outside that of this one."""
 UNIFORM = "uniform"
 """Name of the density of parameters of which nothing is known but their limits."""
 

@@ -20,7 +20,8 @@ DENSITIES = {"flow": {"class": "NormalizingFlow", "title": "normalizing flow (Re
 
 @dataclass(frozen=True)
 class Couplings:
-    """Size and training of a flow: Adam with weight decay on whole batches, stopped where a held-out fold is best.
+    """Size and training of a flow: Adam with weight decay on whole batches, stopped where a
+    held-out fold is best.
 
     Attributes:
         layers, hidden: couplings, and units of their networks.
@@ -80,7 +81,8 @@ class NormalizingFlow(Density):
 
 
 class _RealNVP(nn.Module):
-    """Couplings that change odd and even parameters in turn, each by a scale and a shift that the others determine."""
+    """Couplings that change odd and even parameters in turn, each by a scale and a shift that the
+    others determine."""
 
     def __init__(self, d: int, size: Couplings) -> None:
         super().__init__()

@@ -14,7 +14,8 @@ DENSITIES = {
 FACTORS = np.geomspace(0.2, 2.0, 19)
 """Multiples of Scott's bandwidth that cross-validation chooses from."""
 _COMPARED = 1500
-"""Most samples that bandwidths are compared on, evenly chosen: the cost grows with their square, the choice hardly changes"""
+"""Most samples that bandwidths are compared on, evenly chosen: the cost grows with their square,
+the choice hardly changes"""
 _CHUNK = 2_000_000
 """Most distances held at once."""
 
@@ -89,7 +90,8 @@ def _best_factor(theta: FloatArray, groups: IntArray) -> float:
 
 
 def _log_kernels(white: FloatArray, centres: FloatArray, bandwidths: FloatArray) -> FloatArray:
-    """log of the mean of round Gaussian kernels around the centres, at white (n, d), for each bandwidth: (bandwidths, n)."""
+    """log of the mean of round Gaussian kernels around the centres, at white (n, d), for each
+    bandwidth: (bandwidths, n)."""
     from scipy.spatial.distance import cdist
 
     d, squares = white.shape[1], cdist(white, centres, "sqeuclidean")

@@ -50,7 +50,8 @@ _RIDGE = 1e-3
 
 
 class Mixture(Density):
-    """Gaussians with full covariances, by expectation maximisation on whitened samples, the likeliest of three starts.
+    """Gaussians with full covariances, by expectation maximisation on whitened samples, the
+    likeliest of three starts.
 
     Their number is that of the least BIC among 1 … 8, each from one start, unless given.
     G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
@@ -163,7 +164,8 @@ class Student(Density):
         self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
 
     def again(self, rows: int) -> Self:
-        """Return an unfitted mixture with the same tails and as many components, or fewer where there are too few rows."""
+        """Return an unfitted mixture with the same tails and as many components, or fewer where
+        there are too few rows."""
         return type(self)(*self._chosen, self._mixture.again(rows))
 
     def log_density(self, theta: FloatArray) -> FloatArray:

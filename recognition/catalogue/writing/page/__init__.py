@@ -1,4 +1,5 @@
-"""Page of a catalogue: filters, distributions, exposure, and films of all scenarios in one HTML file without network."""
+"""Page of a catalogue: filters, distributions, exposure, and films of all scenarios in one HTML
+file without network."""
 
 from __future__ import annotations
 
@@ -32,14 +33,15 @@ FILM_STEP = 0.5
 _AROUND = 5.0
 """Time (s) before and after the event in a film of a catalogue"""
 _MOST, _REACH = 6, 70.0
-"""Participants beside the ego in a film of a catalogue, and distance (m) from it within which they appear"""
+"""Participants beside the ego in a film of a catalogue, and distance (m) from it within which they
+appear"""
 _TOLERANCE = 0.1
 """Tolerance (m) of simplified borders of lanes"""
 
 Film = list[Any]
-"""Place of the ego (x, y, m), first sample (s before the event), then per participant: length and width (dm), number of the first
-sample, and x (dm), y (dm), heading (0.01 rad) of each sample, the first as it is, the others as
-differences"""
+"""Place of the ego (x, y, m), first sample (s before the event), then per participant: length and
+width (dm), number of the first sample, and x (dm), y (dm), heading (0.01 rad) of each sample, the
+first as it is, the others as differences"""
 
 
 def film(
@@ -83,7 +85,8 @@ def film(
 
 
 def _moved(part: Part, times: FloatArray) -> tuple[int, FloatArray]:
-    """Number of the first sample at which a participant is there; x, y (m) and heading (rad) of its samples (3, n)."""
+    """Number of the first sample at which a participant is there; x, y (m) and heading (rad) of its
+    samples (3, n)."""
     columns = part.track.columns
     own = columns["time"]
     first, last = np.searchsorted(times, own[0] - 1e-6), np.searchsorted(times, own[-1] + 1e-6)
@@ -112,7 +115,8 @@ def _drawn(part: Part, first: int, moved: FloatArray, x: float, y: float) -> lis
 
 
 def lanes(network: RoadNetwork) -> list[list[int]]:
-    """Return the borders of all lanes: x and y (dm) of each point, the first as it is, the others as differences."""
+    """Return the borders of all lanes: x and y (dm) of each point, the first as it is, the others
+    as differences."""
     found = []
     for road in network.roads.values():
         everywhere = stations(road)

@@ -1,4 +1,5 @@
-"""Profiles of test protocols, a module each, called by its name with hyphens: it assigns `SUMMARY` and `PROFILE`."""
+"""Profiles of test protocols, a module each, called by its name with hyphens: it assigns `SUMMARY`
+and `PROFILE`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Euro NCAP, implementation 2023: AEB car-to-car with points, AEB VRU without, as the public OSC-NCAP-scenarios have them.
+"""Euro NCAP, implementation 2023: AEB car-to-car with points, AEB VRU without, as the public
+OSC-NCAP-scenarios have them.
 
 Points and criteria of car-to-car tests are those of the assessment protocol; it publishes the
 colour bands of impact speeds as a figure, and in numbers for 50 km/h only. The assessment protocol

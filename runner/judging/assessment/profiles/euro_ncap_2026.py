@@ -1,4 +1,5 @@
-"""Euro NCAP, implementation 2026: Crash Avoidance, Frontal Collisions and reversing, by the public OSC-NCAP-scenarios of 2023.
+"""Euro NCAP, implementation 2026: Crash Avoidance, Frontal Collisions and reversing, by the public
+OSC-NCAP-scenarios of 2023.
 
 Test points, colour bands and points are those of Euro NCAP's own public rating calculator. Only the
 Standard Range is computed: the Extended Range and the Robustness Layers are rated in steps from the

@@ -1,4 +1,5 @@
-"""UN Regulation 157 (ALKS), Annex 5, section 4, as the public OSC-ALKS-scenarios have it; the regulation has no points."""
+"""UN Regulation 157 (ALKS), Annex 5, section 4, as the public OSC-ALKS-scenarios have it; the
+regulation has no points."""
 
 from __future__ import annotations
 

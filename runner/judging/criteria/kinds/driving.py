@@ -1,4 +1,5 @@
-"""Criteria of driving: collisions, speed, distance, places to reach, lanes that a participant drives on, and marks it crosses."""
+"""Criteria of driving: collisions, speed, distance, places to reach, lanes that a participant
+drives on, and marks it crosses."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ SIDEWALK = frozenset(("sidewalk", "walking"))
 def on_lanes(
     drive: Drive, place: tuple[np.ndarray, np.ndarray], types: frozenset[str]
 ) -> np.ndarray:
-    """Which of a drive's places (x and y, each (n,), m) are on a lane of these types, on whatever road; shape (n,)."""
+    """Which of a drive's places (x and y, each (n,), m) are on a lane of these types, on whatever
+    road; shape (n,)."""
     found = np.zeros(len(place[0]), bool)
     for lanes in lanes_under(drive.network, *place, drive.columns["z"]):
         here = [
@@ -206,7 +208,8 @@ def end_of_road(drive: Drive, duration: float) -> CriterionFinding:
 _STANDING = 0.1
 """Speed below which a collision is not its own fault, m/s"""
 _SAME_TIME, _SAME_PLACE = 5.0, 5.0
-"""A contact with the same entity within this time (s), or with any within this distance (m), is the same collision."""
+"""A contact with the same entity within this time (s), or with any within this distance (m), is the
+same collision."""
 
 
 @criterion(

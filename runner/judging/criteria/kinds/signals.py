@@ -29,7 +29,8 @@ class LineCrossing(NamedTuple):
 
 
 def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossing]:
-    """All lines of certain signals that a drive passes in the direction of its lane, in ascending time."""
+    """All lines of certain signals that a drive passes in the direction of its lane, in ascending
+    time."""
     lines: dict[str, list[SignalLine]] = {}
     found: list[LineCrossing] = []
     columns = drive.columns
@@ -52,7 +53,8 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
 
 
 def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool, bool]]:
-    """Stretches of road between a row and the one before: road, lane, least and greatest s, whether to +s, whether entered."""
+    """Stretches of road between a row and the one before: road, lane, least and greatest s, whether
+    to +s, whether entered."""
     columns = drive.columns
     (road_a, road_b), (lane_a, lane_b), (a, b) = (
         columns[name][row - 1 : row + 1].tolist() for name in ("road_id", "lane_id", "s")
@@ -136,7 +138,8 @@ _NEAR, _STANDING = 4.0, 0.1
     on_roads=True,
 )
 def running_stop(drive: Drive) -> CriterionFinding:
-    """Look for a standstill with the front close to each line, up to the moment in which the reference point passes it."""
+    """Look for a standstill with the front close to each line, up to the moment in which the
+    reference point passes it."""
     found = crossings(drive, _is_stop_sign)
     ran = [crossing for crossing in found if not _stopped(drive, crossing)]
     if ran:

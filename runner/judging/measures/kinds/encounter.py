@@ -1,4 +1,5 @@
-"""Measures of encounters: distance, post-encroachment time, relations to the lead, RSS's safe distances, risk field.
+"""Measures of encounters: distance, post-encroachment time, relations to the lead, RSS's safe
+distances, risk field.
 
 The lead is the nearest participant ahead whose box overlaps the ego's laterally.
 `runner.judging.measures.risk_field` has the formulas of the risk field and their source.
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
 
 def _led(run: Criticality) -> float:
-    """Share of the ego's time with a lead; where the gap does not close, the measure has no value because nothing is critical."""
+    """Share of the ego's time with a lead; where the gap does not close, the measure has no value
+    because nothing is critical."""
     return float((run.lead != "").mean()) if len(run.lead) else 0.0
 
 
@@ -168,7 +170,8 @@ class MaxRiskField(RunMeasure):
 
 
 class RssRisk(RunMeasure):
-    """R_risk: share of the time in which the longitudinal and the lateral safe distance to anyone are violated.
+    """R_risk: share of the time in which the longitudinal and the lateral safe distance to anyone
+    are violated.
 
     Args:
         parameters: name of a parameter set of `runner.engine.motion.rss`.

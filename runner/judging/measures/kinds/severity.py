@@ -1,4 +1,5 @@
-"""Severity of the ego's first contact: impact speed, change of velocity, and risk of a death by published curves.
+"""Severity of the ego's first contact: impact speed, change of velocity, and risk of a death by
+published curves.
 
 A contact is taken as plastic and central: both participants move on together. That is an upper
 bound of the change of velocity where they hit each other off centre. Striking entity, side and
@@ -39,7 +40,8 @@ def mass(motion: MotionRows) -> float:
 
 
 def change_of_velocity(speed: float, own: float, other: float) -> float:
-    """Change of velocity (m/s) of a participant with a mass that hits one of another mass (kg) at a relative speed (m/s)."""
+    """Change of velocity (m/s) of a participant with a mass that hits one of another mass (kg) at a
+    relative speed (m/s)."""
     if math.isinf(other):
         return speed
     return 0.0 if math.isinf(own) else speed * other / (own + other)
@@ -51,7 +53,8 @@ def occupant_risk(change: float) -> float:
 
 
 def pedestrian_risk(speed: float) -> float:
-    """Probability that an adult pedestrian dies at an impact speed (m/s): 1 / (1 + exp(6.9 − 0.090 v)), v in km/h.
+    """Probability that an adult pedestrian dies at an impact speed (m/s): 1 / (1 + exp(6.9 − 0.090
+    v)), v in km/h.
 
     Rosén and Sander (2009); used for riders of bicycles and motorcycles too.
     """

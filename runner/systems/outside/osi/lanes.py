@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 
 _CLOSE = 0.03
-"""m by which lines of fewer points may be off; with that of the points that they are chosen from less than 5 cm"""
+"""m by which lines of fewer points may be off; with that of the points that they are chosen from
+less than 5 cm"""
 _DRIVING = {
     "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV",
     "mwyEntry", "mwyExit", "roadWorks", "tram", "rail",
@@ -49,7 +50,8 @@ _PAINTED = 0.12
 """m wide where the road does not say."""
 
 Border = tuple[str, int, int]
-"""A border: road id, number of the section, id of the lane that it is the outer border of; 0 is the middle."""
+"""A border: road id, number of the section, id of the lane that it is the outer border of; 0 is the
+middle."""
 
 
 class Lanes:

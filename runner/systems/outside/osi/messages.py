@@ -1,4 +1,5 @@
-"""Messages of ASAM OSI 3.8 for one moment: bases, types and lamps of objects, the frame, version and time.
+"""Messages of ASAM OSI 3.8 for one moment: bases, types and lamps of objects, the frame, version
+and time.
 
 Needs the extra `osi`.
 """

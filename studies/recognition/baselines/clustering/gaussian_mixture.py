@@ -20,7 +20,8 @@ def mixture(features: Features, count: int, seed: int) -> IntArray:
 
 
 class Mixture(ClusteringMethod):
-    """Components of a Gaussian mixture with full covariances, given the true K; the best of five starts."""
+    """Components of a Gaussian mixture with full covariances, given the true K; the best of five
+    starts."""
 
     given_count = True
 

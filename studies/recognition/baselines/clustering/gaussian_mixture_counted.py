@@ -10,7 +10,8 @@ TITLE = "Gaussian mixture on TRFE's axes, K of held-out classes"
 
 
 class MixtureCounted(ClusteringMethod):
-    """A Gaussian mixture with full covariances of as many components as held-out known classes suggest."""
+    """A Gaussian mixture with full covariances of as many components as held-out known classes
+    suggest."""
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""

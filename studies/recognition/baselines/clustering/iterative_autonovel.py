@@ -16,7 +16,8 @@ TOP = 5
 
 
 class IterativeAutoNovel(IterativeMethod):
-    """S_ij: how many of the five features of greatest magnitude both samples share, in three-way targets as TRFE's.
+    """S_ij: how many of the five features of greatest magnitude both samples share, in three-way
+    targets as TRFE's.
 
     As published, pairs are alike where all five are the same; among 192 features that are hardly
     any, and all samples end apart. Han et al., Automatically Discovering and Learning New Visual

@@ -10,7 +10,8 @@ TITLE = "k-means on TRFE's axes, K of held-out classes"
 
 
 class KMeansAxesCounted(ClusteringMethod):
-    """k-means with TRFE's start and directions, as many as held-out known classes suggest: what its heads add to."""
+    """k-means with TRFE's start and directions, as many as held-out known classes suggest: what its
+    heads add to."""
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""

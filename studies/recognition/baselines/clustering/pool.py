@@ -39,14 +39,16 @@ class Pool:
 
     @cached_property
     def codes(self) -> Features:
-        """Codes (n, 32) of the grids, see `studies.recognition.baselines.clustering.stae`; two methods share them."""
+        """Codes (n, 32) of the grids, see `studies.recognition.baselines.clustering.stae`; two
+        methods share them."""
         from studies.recognition.baselines.clustering.stae import stae_codes
 
         return stae_codes(self.grids, seed=0)
 
     @cached_property
     def directions(self) -> tuple[Features, Features]:
-        """The unknown and the labelled samples along the axes in which TRFE clusters, (n, c) and (m, c)."""
+        """The unknown and the labelled samples along the axes in which TRFE clusters, (n, c) and
+        (m, c)."""
         axes = clustering_axes(
             Labelled(self.known, self.labels), self.features, self.config, Steps()
         )
@@ -57,8 +59,9 @@ class Pool:
 
     @cached_property
     def likely_classes(self) -> int:
-        """Number of classes among the unknown samples, estimated on held-out known classes along the axes of both together:
-        those of `directions` begin at the known classes, which are nowhere along them."""
+        """Number of classes among the unknown samples, estimated on held-out known classes along
+        the axes of both together: those of `directions` begin at the known classes, which are
+        nowhere along them."""
         parts = (
             np.concatenate(self.config.clustering_parts(of), axis=1)
             for of in (self.features, self.known)
@@ -71,7 +74,8 @@ class Pool:
         return likely_classes(unknown @ axes, known @ axes, self.labels)
 
     def standardised(self) -> tuple[Features, Features]:
-        """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
+        """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over
+        both together."""
         return _standard(
             self.config.recognising(self.features), self.config.recognising(self.known)
         )

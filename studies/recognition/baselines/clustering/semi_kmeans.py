@@ -10,7 +10,8 @@ TITLE = "semi-supervised k-means on TRFE's axes, given K"
 
 
 class SemiSupervised(ClusteringMethod):
-    """k-means beside the labelled samples of the known classes, given the true K: see `studies.recognition.semi_supervised`."""
+    """k-means beside the labelled samples of the known classes, given the true K: see
+    `studies.recognition.semi_supervised`."""
 
     given_count = True
 

@@ -1,4 +1,5 @@
-"""Semi-supervised k-means on the axes in which TRFE clusters, as many as held-out known classes suggest."""
+"""Semi-supervised k-means on the axes in which TRFE clusters, as many as held-out known classes
+suggest."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ TITLE = "semi-supervised k-means on TRFE's axes, K of held-out classes"
 
 
 class SemiSupervisedCounted(ClusteringMethod):
-    """k-means with labelled samples (`studies.recognition.semi_supervised`); held-out classes give their number."""
+    """k-means with labelled samples (`studies.recognition.semi_supervised`); held-out classes give
+    their number."""
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""

@@ -1,4 +1,5 @@
-"""A parametric classifier of known and new classes that teaches itself, on the axes in which TRFE clusters, given the true K."""
+"""A parametric classifier of known and new classes that teaches itself, on the axes in which TRFE
+clusters, given the true K."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _EPOCHS, _FALLING, _RATE, _BATCH = 60, 20, 0.1, 128
 
 
 class CosineHeads(nn.Module):
-    """Cosines (n, classes) of features (n, d), corrected as TRFE's heads may, with a prototype of each class."""
+    """Cosines (n, classes) of features (n, d), corrected as TRFE's heads may, with a prototype of
+    each class."""
 
     def __init__(self, width: int, classes: int) -> None:
         super().__init__()
@@ -39,7 +41,8 @@ class CosineHeads(nn.Module):
 
 
 def distillation_loss(student: Tensor, teacher: Tensor, temperature: float) -> Tensor:
-    """Mean cross-entropy of p = softmax(student/τ_s) against softmax(teacher/τ_t), less ε times the entropy of the mean p.
+    """Mean cross-entropy of p = softmax(student/τ_s) against softmax(teacher/τ_t), less ε times the
+    entropy of the mean p.
 
     Args:
         student, teacher: cosines (n, classes) of two views of the same samples.
@@ -55,7 +58,8 @@ def distillation_loss(student: Tensor, teacher: Tensor, temperature: float) -> T
 
 
 class SimGCD(ClusteringMethod):
-    """L = (1 − λ) L_distillation over all samples, both ways between two views, + λ cross-entropy of the labelled ones at τ_s.
+    """L = (1 − λ) L_distillation over all samples, both ways between two views, + λ cross-entropy
+    of the labelled ones at τ_s.
 
     Samples of the known classes and of the new ones have one classifier; the greatest cosine names
     the cluster.

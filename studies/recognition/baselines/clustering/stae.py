@@ -59,7 +59,8 @@ def _each(function: Callable[[int, int], int], size: Size, stride: Size) -> Size
 
 
 def stae_codes(grids: NDArray[np.uint8], seed: int) -> Features:
-    """Codes (n, 32) of windows, from an autoencoder trained on the same windows by cell-wise cross entropy.
+    """Codes (n, 32) of windows, from an autoencoder trained on the same windows by cell-wise cross
+    entropy.
 
     Rows and columns are halved first, by means of 2 × 2 cells.
 

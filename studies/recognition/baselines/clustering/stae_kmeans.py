@@ -10,7 +10,8 @@ TITLE = "STAE + k-means, given K"
 
 
 class STAEKMeans(ClusteringMethod):
-    """k-means on the codes of an autoencoder of the grids (`studies.recognition.baselines.clustering.stae`), given the true K."""
+    """k-means on the codes of an autoencoder of the grids
+    (`studies.recognition.baselines.clustering.stae`), given the true K."""
 
     given_count = True
 

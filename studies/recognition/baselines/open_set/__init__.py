@@ -1,1 +1,2 @@
-"""Open-set methods on frozen features of the shared encoder, which reject by one rule (`method.OpenSetMethod`)."""
+"""Open-set methods on frozen features of the shared encoder, which reject by one rule
+(`method.OpenSetMethod`)."""

@@ -18,7 +18,8 @@ DIMENSION = 64
 
 
 def reciprocal_distances(embedding: Tensor, points: Tensor) -> tuple[Tensor, Tensor]:
-    """d = d_e − d_d and d_e (both (n, K)): d_e = ‖f − P_k‖²/m, d_d = f·P_k, of embeddings (n, m) and points (K, m)."""
+    """d = d_e − d_d and d_e (both (n, K)): d_e = ‖f − P_k‖²/m, d_d = f·P_k, of embeddings (n, m)
+    and points (K, m)."""
     euclidean = torch.cdist(embedding, points).square() / embedding.shape[1]
     return euclidean - embedding @ points.T, euclidean
 
@@ -41,7 +42,8 @@ class ReciprocalPoints(nn.Module):
 
 
 class ARPL(HeadMethod):
-    """A class lies far from its reciprocal point, which stands for everything else; a margin bounds the space left to that.
+    """A class lies far from its reciprocal point, which stands for everything else; a margin bounds
+    the space left to that.
 
     d_e = ‖f − P_k‖²/m, d_d = f·P_k, logits z_k = d_e − d_d. Loss: cross entropy + 0.1·max(d_e(f,
     P_y) − R, 0), R learnt. Score: −max_k z_k. Without the paper's confusing samples from a

@@ -19,7 +19,8 @@ DIMENSION = 32
 
 
 def cpn_loss(distances: Tensor, indices: Tensor) -> Tensor:
-    """Mean of −log softmax(−γ·d)_y + λ·d_y over squared distances to the prototypes (b, K) and class indices (b,)."""
+    """Mean of −log softmax(−γ·d)_y + λ·d_y over squared distances to the prototypes (b, K) and
+    class indices (b,)."""
     own = distances.gather(1, indices[:, None]).mean()
     return functional.cross_entropy(-SHARPNESS * distances, indices) + WEIGHT * own
 
@@ -38,7 +39,8 @@ class Prototypes(nn.Module):
 
 
 class CPN(HeadMethod):
-    """CPN for FCPN: the paper's FCPN can't be identified; this is the prototype learning that its name points to.
+    """CPN for FCPN: the paper's FCPN can't be identified; this is the prototype learning that its
+    name points to.
 
     d_k = ‖f(h) − m_k‖², prototypes m_k learnt. Loss: −log softmax(−γ d)_y + λ·d_y, γ 1, λ 0.01.
     Score: min_k d_k.

@@ -46,7 +46,8 @@ class Head(nn.Module):
 
 
 class HeadMethod(OpenSetMethod):
-    """An open-set method that is a trained head; subclasses say which network, which loss, and what its outputs mean.
+    """An open-set method that is a trained head; subclasses say which network, which loss, and what
+    its outputs mean.
 
     Features are standardised by the mean and deviation of the training samples.
     """

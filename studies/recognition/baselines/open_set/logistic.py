@@ -12,7 +12,8 @@ TITLE = "logistic regression, distance to the fifth neighbour"
 
 
 class Logistic(KNN):
-    """A linear classifier of standardised features, rejected as `KNN` is: the plainest method that tells unknown classes."""
+    """A linear classifier of standardised features, rejected as `KNN` is: the plainest method that
+    tells unknown classes."""
 
     def _learn(self, features: Features, indices: IntArray) -> None:
         from sklearn.linear_model import LogisticRegression

@@ -19,7 +19,8 @@ DIMENSION = 32
 
 
 def contrastive_loss(embedding: Tensor, indices: Tensor) -> Tensor:
-    """Supervised contrastive loss of unit embeddings (b, m): −mean over positives p of log(e^{z·z_p/τ} / Σ_{a≠i} e^{z·z_a/τ}).
+    """Supervised contrastive loss of unit embeddings (b, m): −mean over positives p of
+    log(e^{z·z_p/τ} / Σ_{a≠i} e^{z·z_a/τ}).
 
     Samples without another of their class in the batch are left out; 0 where all are.
     """
@@ -32,7 +33,8 @@ def contrastive_loss(embedding: Tensor, indices: Tensor) -> Tensor:
 
 
 def sphere_loss(embedding: Tensor, centres: Tensor, indices: Tensor) -> Tensor:
-    """Samples inside spheres of radius ρ around the centre of their class, spheres apart from each other.
+    """Samples inside spheres of radius ρ around the centre of their class, spheres apart from each
+    other.
 
     mean max(‖f − c_y‖ − ρ, 0) + mean over pairs j < k of max(2ρ − ‖c_j − c_k‖, 0); embeddings (b,
     m), centres (K, m).
@@ -44,7 +46,8 @@ def sphere_loss(embedding: Tensor, centres: Tensor, indices: Tensor) -> Tensor:
 
 
 class DualEmbedding(nn.Module):
-    """A shared layer, a discriminative embedding with a linear classifier, and an exclusive one with class centres."""
+    """A shared layer, a discriminative embedding with a linear classifier, and an exclusive one
+    with class centres."""
 
     def __init__(self, inputs: int, classes: int, hidden: int) -> None:
         super().__init__()
@@ -56,7 +59,8 @@ class DualEmbedding(nn.Module):
 
 
 class MDENet(HeadMethod):
-    """MDENet reduced to one modality: two embeddings of the features, one to classify, one to detect.
+    """MDENet reduced to one modality: two embeddings of the features, one to classify, one to
+    detect.
 
     Discriminative: cross entropy + supervised contrastive loss on the normalised embedding; the
     class is argmax of its logits. Exclusive: each class inside a sphere of radius ρ = 1 around a

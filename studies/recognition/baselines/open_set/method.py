@@ -1,4 +1,5 @@
-"""Contract of open-set methods: fitted on features of known classes, they classify, score, and reject by one rule."""
+"""Contract of open-set methods: fitted on features of known classes, they classify, score, and
+reject by one rule."""
 
 from __future__ import annotations
 

@@ -12,7 +12,8 @@ TITLE = "random"
 
 
 class Chance(OpenSetMethod):
-    """A known class drawn by its share of the training samples; a score drawn uniformly from [0, 1)."""
+    """A known class drawn by its share of the training samples; a score drawn uniformly from [0,
+    1)."""
 
     def _learn(self, features: Features, indices: IntArray) -> None:
         self._shares = np.bincount(indices) / len(indices)

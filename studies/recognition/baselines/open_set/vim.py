@@ -12,11 +12,13 @@ from studies.recognition.baselines.open_set.mls import MLS
 TITLE = "ViM"
 
 _KEPT = 0.9
-"""Share of the variance in the principal subspace; the source fixes the dimension of each of its networks instead."""
+"""Share of the variance in the principal subspace; the source fixes the dimension of each of its
+networks instead."""
 
 
 def residual_axes(inputs: Tensor) -> Tensor:
-    """Axes (d, r) of what the principal subspace of samples (n, d) leaves, at least one; the samples are about the origin."""
+    """Axes (d, r) of what the principal subspace of samples (n, d) leaves, at least one; the
+    samples are about the origin."""
     values, axes = torch.linalg.eigh(inputs.T @ inputs / len(inputs))
     share = values.cumsum(0) / values.sum()
     return axes[:, : max(int((share <= 1.0 - _KEPT).sum()), 1)]

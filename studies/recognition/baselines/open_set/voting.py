@@ -15,7 +15,8 @@ _DELTA = 0.05
 
 
 class VotingMethod(OpenSetMethod):
-    """A forest of the training samples and a screening of its votes, which is calibrated on the validation samples.
+    """A forest of the training samples and a screening of its votes, which is calibrated on the
+    validation samples.
 
     Args:
         seed: of the forest and the screening.

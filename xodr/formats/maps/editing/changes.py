@@ -190,7 +190,8 @@ _OTHER_OBJECTS = (
     "|none|obstacle|pole|tree|vegetation|barrier|building|parkingSpace|patch|railing|trafficIsland|crosswalk|streetLamp|gantry"
     "|soundBarrier|car|van|bus|trailer|bike|motorbike|tram|train|pedestrian|wind|roadMark|"
 )
-"""Types of objects since 1.5, but for `truck` of 1.5, `roadMark` since 1.6 and `roadSurface` since 1.8."""
+"""Types of objects since 1.5, but for `truck` of 1.5, `roadMark` since 1.6 and `roadSurface` since
+1.8."""
 _EARLY_LANES = {
     "bus": "restricted", "taxi": "restricted", "HOV": "restricted", "mwyEntry": "entry", "mwyExit": "exit",
     "connectingRamp": "driving",

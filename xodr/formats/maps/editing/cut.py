@@ -1,4 +1,5 @@
-"""Parts of an OpenDRIVE file: whole roads within an area, or by id, with links closed where roads are left out."""
+"""Parts of an OpenDRIVE file: whole roads within an area, or by id, with links closed where roads
+are left out."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ def within(network: RoadNetwork, corners: Sequence[tuple[float, float]]) -> set[
 
 
 def with_junctions(network: RoadNetwork, roads: set[str]) -> set[str]:
-    """Roads, and all connecting roads of the junctions that one of them is part of, or that lie between them."""
+    """Roads, and all connecting roads of the junctions that one of them is part of, or that lie
+    between them."""
     found = set(roads)
     for junction in network.junctions.values():
         inner = {road.id for road in network.roads.values() if road.junction_id == junction.id}
@@ -104,10 +106,11 @@ def _on_lanes(road: Road) -> list[RoadPoint]:
 
 
 def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
-    """An OpenDRIVE file with some of its roads, and what became of what led beyond them, one sentence each.
+    """An OpenDRIVE file with some of its roads, and what became of what led beyond them, one
+    sentence each.
 
-    Links to roads that are left out are taken away, as are junctions without connections, controls of signals that are gone, and
-    references to them.
+    Links to roads that are left out are taken away, as are junctions without connections, controls
+    of signals that are gone, and references to them.
 
     Args:
         chosen: ids of the roads that stay.
@@ -146,7 +149,8 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
 
 
 def _junctions(root: etree._Element, roads: set[str | None]) -> tuple[set[str | None], list[str]]:
-    """Take away ways through junctions that lead from or to roads that are gone; ids of the junctions that are left."""
+    """Take away ways through junctions that lead from or to roads that are gone; ids of the
+    junctions that are left."""
     ways, empty = 0, 0
     for junction in root.findall("junction"):
         for connection in junction.findall("connection"):

@@ -47,7 +47,8 @@ Further ids are in `elementId`, whose kind `elementType` names.
 """
 _ORDER = ("header", "road", "controller", "junction", "junctionGroup", "station")
 _NEAR, _TURNED = 30.0, math.radians(10.0)
-"""Distance (m) of reference lines and difference of headings (rad) of ends that may continue each other"""
+"""Distance (m) of reference lines and difference of headings (rad) of ends that may continue each
+other"""
 
 
 def join(paths: Sequence[Path], within: float = 0.05) -> tuple[bytes, list[str]]:
@@ -173,7 +174,8 @@ def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
 
 
 class _End(NamedTuple):
-    """An open end of a road: its place, the heading out of the road, and borders (inner, outer) of its lanes."""
+    """An open end of a road: its place, the heading out of the road, and borders (inner, outer) of
+    its lanes."""
 
     road: Road
     at_start: bool

@@ -117,7 +117,8 @@ def places(network: RoadNetwork) -> FloatArray:
 
 
 def best_motion(places: FloatArray, targets: FloatArray) -> tuple[MapMotion, float]:
-    """The turn and move that take places (n, 2) nearest to others, by least squares, and the largest rest (m)."""
+    """The turn and move that take places (n, 2) nearest to others, by least squares, and the
+    largest rest (m)."""
     middle, there = places.mean(axis=0), targets.mean(axis=0)
     one, other = places - middle, targets - there
     turn = math.atan2(
@@ -161,7 +162,8 @@ def _write_header(root: etree._Element, reference: str | None, offset: Offset) -
 
 
 def move(file: EditedRoads, motion: MapMotion) -> list[str]:
-    """Move and turn all roads of a file, but not the header's offset; what that leaves open, one sentence each.
+    """Move and turn all roads of a file, but not the header's offset; what that leaves open, one
+    sentence each.
 
     Raises:
         Unsupported: it has a surface in coordinates of its own (CRG, mode global).

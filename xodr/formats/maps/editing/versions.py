@@ -33,7 +33,8 @@ def version_of(revision: str) -> Version:
 
 
 def in_version(path: Path, version: Version) -> tuple[bytes, list[str]]:
-    """An OpenDRIVE file in another version, and what was left out or said otherwise, one sentence each.
+    """An OpenDRIVE file in another version, and what was left out or said otherwise, one sentence
+    each.
 
     Args:
         version: one of `VERSIONS`.
