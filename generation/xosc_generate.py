@@ -271,6 +271,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         else f": {_nothing(generated)}"
     )
     yield f"  {many(len(cases), 'edge case')}{worth}"
+    if by := cases.prevented_by():
+        yield f"  prevented by {by}"
     survived = ", ".join(
         f"{name} {int((collision & outcomes.survived).sum())}"
         for name, outcomes in cases.drivers.items()

@@ -121,7 +121,8 @@ class SearchedRegion:
     """A region of failure (`generation.report.counterexamples`).
 
     Args:
-        rule: in words. precision, recall: of the rule, among the runs.
+        rule: in words. precision, recall: of the rule, among unguided draws; None where none is
+            within it, or none of its own fails.
         failures: number of failing runs in it.
         draws, drawn: unguided draws, and those that fail in it. low, high: 95 % interval of its
             probability.
@@ -130,8 +131,8 @@ class SearchedRegion:
     """
 
     rule: str
-    precision: float
-    recall: float
+    precision: float | None
+    recall: float | None
     failures: int
     draws: int
     drawn: int

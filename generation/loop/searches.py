@@ -29,6 +29,7 @@ from generation.loop.runs import searches
 from generation.pipeline import Generated, generate, space_of
 from generation.report.counterexamples import regions, varying
 from generation.report.regression import Before, Fate, Tried, regression
+from generation.search.gate import Share
 from generation.search.outcomes import JUDGES, Episodes
 from generation.search.settings import Choice, LoopSettings, SearchSettings
 from generation.space.space import Space, apart, diverse
@@ -198,8 +199,8 @@ def regions_of(made: Generated, cases: Sequence[EdgeCase]) -> Iterator[SearchedR
         low, high = region.drawn.interval
         yield SearchedRegion(
             rule=region.rule(of),
-            precision=round(region.precision, _DIGITS),
-            recall=round(region.recall, _DIGITS),
+            precision=_share(region.precision),
+            recall=_share(region.recall),
             failures=region.failures,
             draws=region.drawn.runs,
             drawn=region.drawn.collisions,
@@ -208,6 +209,10 @@ def regions_of(made: Generated, cases: Sequence[EdgeCase]) -> Iterator[SearchedR
             severity=round(region.severity, _DIGITS),
             cases=[cases[row].file for row in region.cases],
         )
+
+
+def _share(of: Share) -> float | None:
+    return round(of.collisions / of.runs, _DIGITS) if of.runs else None
 
 
 def road_of(scenario: Path, out: Path) -> str | None:

@@ -424,6 +424,8 @@ LINKED = 0.15
 """Distance in the unit cube, root mean square, up to which failures are of one region"""
 _MOST, _GROUPED = 6, 2000
 """Regions that are listed, and failures that are grouped, evenly chosen where there are more"""
+_RULED = 5
+"""Fewest failures that a rule is made of"""
 _BOUNDS, _EDGE = 3, 0.02
 """Bounds of a rule at most, and share of a region's members that each may leave out"""
 
@@ -445,9 +447,9 @@ class FailureRegion(NamedTuple):
     """A region.
 
     Attributes:
-        bounds: its rule. precision: share of the runs within the rule that are failures of the
-            region.
-        recall: share of its failures within the rule.
+        bounds: its rule; none with fewer than `_RULED` failures.
+        precision: unguided draws within the rule, and those of them that fail.
+        recall: unguided draws that fail near its failures, and those of them within the rule.
         failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of
             them.
         severity: mean impact speed, m/s. cases: rows of the edge cases in it, the likelier first.
@@ -457,8 +459,8 @@ class FailureRegion(NamedTuple):
     """
 
     bounds: Sequence[Bound]
-    precision: float
-    recall: float
+    precision: Share
+    recall: Share
     failures: int
     drawn: Share
     severity: float
@@ -473,7 +475,10 @@ class FailureRegion(NamedTuple):
             f"{by[bound.measure].name} {'≥' if bound.least else '≤'} {bound.limit:.3g} {by[bound.measure].unit}".strip()
             for bound in self.bounds
         )
-        return " and ".join(sides) or "no measure tells it from other runs"
+        few = f"fewer than {_RULED} failures make no rule"
+        return " and ".join(sides) or (
+            few if self.failures < _RULED else "no measure tells it from other runs"
+        )
 
     @property
     def edge_cases(self) -> int:
@@ -494,7 +499,7 @@ class FailureRegion(NamedTuple):
         low, high = self.drawn.interval
         chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
         return {
-            "rule": self.rule(by), "precision": round(self.precision, 3), "recall": round(self.recall, 3),
+            "rule": self.rule(by), **_scores_of("precision", self.precision), **_scores_of("recall", self.recall),
             "failures": self.failures, "draws": self.drawn.runs, "failing_draws": self.drawn.collisions, "probability": chance,
             "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
             "survived": dict(self.survived),
@@ -503,6 +508,14 @@ class FailureRegion(NamedTuple):
                 for name, values in members.items()
             },
         }  # fmt: skip
+
+
+def _scores_of(name: str, share: Share) -> dict[str, Any]:
+    return {
+        name: share.collisions / share.runs if share.runs else None,
+        f"{name}_interval": list(share.interval),
+        f"{name}_draws": share.runs,
+    }
 
 
 def measured(generated: Generated, theta: FloatArray) -> list[Measure]:
@@ -539,7 +552,7 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         group = failing[labels == label]
         of = np.zeros(len(rows), bool)
         of[group] = True
-        bounds, precision, recall = _rule(rows, of)
+        bounds = _rule(rows, of) if len(group) >= _RULED else []
         typical = group[
             int(np.argmin(np.square(unit[group] - unit[group].mean(axis=0)).sum(axis=1)))
         ]
@@ -552,7 +565,11 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
             float(outcomes.impact_speed[group].mean()),
             _share(generated, columns, unit[group]),
         )
-        of_rule = (bounds, precision, recall, len(group))
+        of_rule = (
+            bounds,
+            *_traffic_scores(generated, theta, rows, bounds, unit[group]),
+            len(group),
+        )
         found.append(
             FailureRegion(
                 *of_rule,
@@ -586,19 +603,60 @@ def _near(unit: FloatArray, others: FloatArray) -> BoolArray:
     return np.asarray(cdist(unit, others).min(axis=1) < NEAR * np.sqrt(unit.shape[1]))
 
 
-def _rule(rows: FloatArray, of: BoolArray) -> tuple[list[Bound], float, float]:
-    """Bounds that separate the marked rows (n,) of (n, k) best from the others, with precision and recall."""
+def _rule(rows: FloatArray, of: BoolArray) -> list[Bound]:
+    """Bounds that separate the marked rows (n,) of (n, k) best from the others."""
     bounds, inside = list[Bound](), np.ones(len(rows), bool)
     while len(bounds) < _BOUNDS:
-        best = max(
-            _candidates(rows, of), key=lambda candidate: _score(inside & candidate.holds(rows), of)
-        )
+        possible = [each for each in _candidates(rows, of) if not _degenerate(each, bounds)]
+        if not possible:
+            break
+        best = max(possible, key=lambda candidate: _score(inside & candidate.holds(rows), of))
         if _score(inside & best.holds(rows), of) <= _score(inside, of) + _GAIN:
             break
         bounds.append(best)
         inside &= best.holds(rows)
-    hit = float((inside & of).sum())
-    return bounds, hit / max(int(inside.sum()), 1), hit / max(int(of.sum()), 1)
+    return bounds
+
+
+def _degenerate(bound: Bound, others: Sequence[Bound]) -> bool:
+    """Whether a bound leaves a single value, as printed, beside another one of its measure."""
+    return any(
+        other.measure == bound.measure and f"{other.limit:.3g}" == f"{bound.limit:.3g}"
+        for other in others
+    )
+
+
+def _traffic_scores(
+    generated: Generated,
+    theta: FloatArray,
+    rows: FloatArray,
+    bounds: Sequence[Bound],
+    group: FloatArray,
+) -> tuple[Share, Share]:
+    """Precision and recall of a rule in traffic, by unguided draws, which no rule was chosen for; no draws without a rule.
+
+    Sought runs crowd about failures, so a share of them says nothing about traffic.
+
+    Args:
+        theta, rows: executed runs (n, d), and their measures (n, k). group: failures (m, j) of the
+            region in the unit cube.
+    """
+    if generated.draws is None or not bounds:
+        return Share(0, 0), Share(0, 0)
+    drawn, outcomes, _ = generated.draws
+    place = {row.tobytes(): number for number, row in enumerate(np.ascontiguousarray(theta))}
+    ran = [
+        number for number in np.flatnonzero(outcomes.executed) if drawn[number].tobytes() in place
+    ]
+    measured = rows[[place[drawn[number].tobytes()] for number in ran]]
+    inside = np.all([bound.holds(measured) for bound in bounds], axis=0)
+    fails = outcomes.collision[ran]
+    columns = distinctive(generated.space)
+    own = fails & _near(generated.space.unit(drawn[ran])[:, columns], group)
+    return (
+        Share(int((inside & fails).sum()), int(inside.sum())),
+        Share(int((inside & own).sum()), int(own.sum())),
+    )
 
 
 _GAIN = 0.01

@@ -581,6 +581,18 @@ class Cases:
             self.agreed,
         )
 
+    def prevented_by(self) -> str:
+        """Collisions by the judges that prevent them, in words, as `both 51, fsm only 49`; empty where there are none."""
+        collision = self.outcomes.collision
+        if not collision.any():
+            return ""
+        survived = np.array([self.drivers[name].survived for name in JUDGES]) & collision
+        every, one = survived.all(axis=0), survived.sum(axis=0) == 1
+        counts = {"both": int(every.sum())}
+        for name, row in zip(JUDGES, survived, strict=True):
+            counts[f"{name} only"] = int((row & one).sum())
+        return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+
     @property
     def careful(self) -> Outcomes:
         """Outcomes with the careful and competent driver of UN R157."""

@@ -91,6 +91,7 @@ function regionsOf(search) {
     ["edge cases", "number"],
     ["replay", null],
   ];
+  const share = value => (value === null ? "–" : value.toFixed(2));
   const chance = value => `${(100 * value).toPrecision(2)} %`;
   const row = each => {
     const likeliest = search.cases.find(one => one.files.scenario === each.cases[0]);
@@ -98,7 +99,7 @@ function regionsOf(search) {
       "tr",
       null,
       el("td", null, each.rule),
-      el("td", { class: "number" }, `${each.precision.toFixed(2)}, ${each.recall.toFixed(2)}`),
+      el("td", { class: "number" }, `${share(each.precision)}, ${share(each.recall)}`),
       el("td", { class: "number" }, `${each.drawn} of ${each.draws}`),
       el("td", { class: "number" }, each.draws ? `${chance(each.low)} to ${chance(each.high)}` : "–"),
       number(each.severity, 1),

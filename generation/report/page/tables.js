@@ -50,8 +50,8 @@ function regions() {
   const columns = [
     ["region", null],
     ["rule", null],
-    ["precision", "number"],
-    ["recall", "number"],
+    ["precision [95 %]", "number"],
+    ["recall [95 %]", "number"],
     ["failures", "number"],
     ["probability, % [95 %]", "number"],
     ...units.map(each => [each, "number"]),
@@ -78,8 +78,8 @@ function regions() {
       null,
       el("th", { scope: "row" }, each.name),
       cell(each.rule, null),
-      cell(figure(each.precision, 2)),
-      cell(figure(each.recall, 2)),
+      cell(each.precision_draws ? spanned([each.precision, ...each.precision_interval]) : "no draws"),
+      cell(each.recall_draws ? spanned([each.recall, ...each.recall_interval]) : "no draws"),
       cell(String(each.failures)),
       cell(each.draws ? spanned([each.probability, ...each.interval], 100) : "no draws"),
       ...units.map(unit => cell(spanned(each.rates[unit]))),
@@ -102,8 +102,8 @@ function regions() {
     note(
       "The most important first: regions with edge cases, then by probability times impact. " +
         "Failures of a region are linked by steps of 15 % of the ranges. " +
-        "Precision and recall of a rule are shares of the runs of this folder, which were sought near failures; " +
-        "probabilities come from unguided draws that fail within 10 % of a region's failures.",
+        "Precision is the share of unguided draws within a rule that fail, recall the share of failing ones of the region within it, [95 %]: " +
+        "as in traffic. Probabilities come from unguided draws that fail within 10 % of a region's failures.",
     ),
   );
 }

@@ -9,7 +9,7 @@ import pytest
 
 from generation.loop.findings import CarefulDriver, CaseVerdict, EdgeCase
 from generation.loop.searches import regions_of
-from generation.report.counterexamples import FailureRegion, Measure, regions, varying
+from generation.report.counterexamples import FailureRegion, Measure, _rule, regions, varying
 from generation.search.outcomes import Episodes, Outcomes
 from generation.space.space import grouped
 from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
@@ -46,7 +46,44 @@ def test_groups_are_regions_with_rules_that_hold(
     assert "speed ≥" in fast.rule(measures) and "gap ≥" in fast.rule(measures)
     assert "gap ≤" in near.rule(measures) and near.rule(measures).endswith(("m", "m/s"))
     for each in (fast, near):
-        assert each.precision > 0.9 and each.recall > 0.85
+        assert each.precision.collisions > 0.9 * each.precision.runs > 0
+        assert each.recall.collisions > 0.85 * each.recall.runs > 0
+
+
+def test_a_rule_is_scored_on_unguided_draws_and_not_on_sought_runs() -> None:
+    """A fifth of the gaps below 15 m fail; the search looked nowhere but at those: .8 of its runs there fail."""
+    generator = np.random.default_rng(1)
+    theta = np.tile(np.array(EASY), (500, 1))
+    theta[:, GAP] = np.where(
+        np.arange(500) < 200, generator.uniform(5.0, 80.0, 500), generator.uniform(5.0, 15.0, 500)
+    )
+    theta[:, SPEED] = generator.uniform(10.0, 40.0, 500)
+    chance = np.where(np.arange(500) < 200, 0.2, 0.8)
+    outcomes = Outcomes.of(500, collision=(theta[:, GAP] < 15.0) & (generator.random(500) < chance))
+    every = Episodes(theta, outcomes, np.zeros(500))
+    generated = replace(searched("cas", np.array([HARD])), episodes=every, draws=every.first(200))
+    cases = generated.cases.take(np.zeros(len(generated.cases), bool))
+    (region,) = regions(replace(generated, cases=cases), [Measure("gap", "m", theta[:, GAP])])
+    assert region.precision.runs == (theta[:200, GAP] <= region.bounds[0].limit).sum()
+    low, high = region.precision.interval
+    assert low < 0.2 < high < 0.7
+    written = region.as_json([Measure("gap", "m", theta[:, GAP])], {})
+    assert written["precision_interval"] == [low, high]
+    unknown = regions(
+        replace(generated, cases=cases, draws=None), [Measure("gap", "m", theta[:, GAP])]
+    )
+    assert unknown[0].as_json([Measure("gap", "m", theta[:, GAP])], {})["precision"] is None
+
+
+def test_few_failures_make_no_rule_and_no_rule_leaves_a_single_value() -> None:
+    generated = searched("cas:brake=2", np.array([HARD, WEAK]), drawn=20)
+    of = varying(generated)
+    (first, *_) = found = regions(generated, of)
+    assert all(not region.bounds for region in found if region.failures < 5)
+    assert first.failures < 5 and "fewer than 5 failures" in first.rule(of)
+    alike = np.concatenate([np.full(20, 0.194), np.linspace(0.0, 1.0, 30)])
+    bounds = _rule(alike[:, None], np.arange(50) < 20)
+    assert len(bounds) == 1, "≤ and ≥ of one value are no two conditions"
 
 
 def test_probable_and_severe_regions_come_first(

@@ -68,6 +68,8 @@ def test_cases_are_foreseeable_and_preventable_failures_the_likelier_first() -> 
     assert tags["CarefulDriver"] == ["collision", "avoids a collision"]
     assert tags["SurvivedBy"] == ["fsm", "r157-cc, fsm"]
     assert set(cases.drivers) == set(REFERENCES)
+    assert cases.prevented_by() == "both 1, fsm only 1"
+    assert chosen(rows, outcomes([False] * 5)).prevented_by() == ""
 
 
 def test_violations_of_distances_are_cases_on_request_only() -> None:
