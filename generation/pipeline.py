@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from generation.estimation.bound import DrawnBound, draws_until
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
 from generation.search.gate import (
@@ -99,6 +100,9 @@ class Generated:
         draws: the unguided draws of this call; None where there were none.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
+        bound: result of the draws that were asked for by `settings.until`; None where they were
+            not, or the search has not ended.
+        density: name of the density of recorded parameters.
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
         judged: verdicts on failures during the search; none where plays give them.
@@ -121,6 +125,8 @@ class Generated:
     domain: Domain = EVERYWHERE
     cut: bool = False
     judged: JudgeCounts = NOT_JUDGED
+    bound: DrawnBound | None = None
+    density: str = DEFAULT
 
 
 def generate(
@@ -157,6 +163,7 @@ def generate(
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
             inside the box, or something is in the way in the folder.
+        Unsupported: `settings.until` is given, and the scenario does not play in arrays.
         InvalidFile: the scenario is malformed.
 
     Example:
@@ -174,6 +181,8 @@ def generate(
     search = method(settings.method)  # refuse an unknown name before recordings are read
     # Space: the box of parameters, and the recorded points in it
     space = space_of(scenario, settings)
+    if settings.until is not None:  # say so before the budget is spent
+        ArrayPlays(scenario, space, settings.run, settings.rss)
     source = recorded(space)
     real = source.within(space)
     # Density: what traffic does, and the reward that keeps a search to it
@@ -182,9 +191,9 @@ def generate(
     domain = domain_of(scenario, space, source, settings)
     prior = prior.within(partial(domain.holds, space) if domain else None)
     with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
-        runs, draws, more = (
+        runs, draws, more, refuting = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind))
-            for kind in ("runs", "draws", "estimate")
+            for kind in ("runs", "draws", "estimate", "until")
         )
         # Draws: what the density is measured by, and what bounds failures that are not found
         unguided = prior.sample(
@@ -209,7 +218,15 @@ def generate(
                 _estimate(problem, source, more, evaluator, every, settings) if estimated else None
             )
             estimates = more.episodes(reward)
-            every = Episodes.joined([every, estimates])
+            bound = None
+            if settings.until is not None and plays is not None and ended and not cut:
+                failed = every.theta[every.outcomes.executed & every.outcomes.collision]
+                bound = draws_until(
+                    settings.until, space, prior, plays, refuting, failed, settings.seed,
+                    lambda: course.over,
+                )  # fmt: skip
+            against = refuting.episodes(reward)
+            every = Episodes.joined([every, estimates, against])
             cases = choose(space, every, judged, drivers, settings.choice, found, plays)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
             generated = Generated(
@@ -218,9 +235,14 @@ def generate(
                 statement=_statement(space, runs.episodes(reward), unguided, drawn),
                 plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
                 judged=NOT_JUDGED if judging is None else judging.counts,
+                bound=bound, density=settings.density,
             )  # fmt: skip
             write_object(summary(scenario, generated, settings), out / summary_file(scenario))
-            write_episodes(space, {"sought": sought, "drawn": drawings, "estimate": estimates}, out)
+            write_episodes(
+                space,
+                {"sought": sought, "drawn": drawings, "estimate": estimates, "until": against},
+                out,
+            )
             return generated
 
         course = _Course(
@@ -279,7 +301,7 @@ class _Course:
         Raises:
             _TimeOver: the time is over.
         """
-        if time.monotonic() >= self._end:
+        if self.over:
             raise _TimeOver
         outcomes, before = self._evaluate(theta), self._runs
         self._runs += len(theta)
@@ -291,6 +313,11 @@ class _Course:
         ):
             self._interim(self.history)
         return outcomes
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() >= self._end
 
     @property
     def history(self) -> History:
@@ -388,6 +415,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "judges": made.judged._asdict(),
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
+        "until": None if made.bound is None else made.bound.as_json(),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
     }
 

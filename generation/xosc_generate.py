@@ -234,6 +234,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
     from generation.pipeline import drawn_of
+    from generation.report.report import basis
     from generation.search.outcomes import JUDGES
 
     outcomes, cases = generated.history.outcomes, generated.cases
@@ -283,6 +284,9 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         judges = ", ".join(JUDGES)
         yield f"  {judges} were run, and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
     yield f"  {generated.statement}"
+    if generated.bound is not None:
+        yield f"  {generated.bound}"
+    yield f"  {basis(generated)}"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])

@@ -2,6 +2,7 @@
 
 Modules:
 
+- `bound`: draws in arrays until a bound on the probability of unknown failures holds, or a
 - `estimate`: probability of a failure under the density
 - `probability`: probabilities of failure from weighted draws with control variates
 

@@ -57,13 +57,16 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     refused = (
         [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
     )
-    stated = f"{str(generated.statement)[:1].upper()}{str(generated.statement)[1:]}."
+    stated = [_sentence(generated.statement)]
+    if generated.bound is not None:
+        stated = [_sentence(generated.bound), *stated]
+    stated.append(_sentence(basis(generated)))
     if estimate is None:
         return [
             found,
             *refused,
             *lost,
-            stated,
+            *stated,
             "How often traffic makes it fail was not estimated; --estimate does that.",
         ]
     traffic = "simulated traffic" if generated.recorded.simulated else "traffic"
@@ -73,7 +76,27 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
         if generated.gate.replayed is not None
         else f"Where {title} has values as stated (nothing is recorded)"
     )
-    return [found, *refused, *_often(drawn, sut, estimate), *lost, stated]
+    return [found, *refused, *_often(drawn, sut, estimate), *lost, *stated]
+
+
+def _sentence(about: object) -> str:
+    text = str(about)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def basis(generated: Generated) -> str:
+    """Name the density, the judges and the test of the density on which bounds, intervals and cases rest."""
+    gate, count = generated.gate, len(generated.recorded.theta)
+    recorded = f"density {generated.density} of {many(count, 'recorded manoeuvre')}"
+    drawn = "limits and densities as stated" if gate.replayed is None else recorded
+    if gate.replayed is None:
+        tested = "which no recordings test"
+    elif gate.refusal is not None:
+        tested = "which its gate refuses"
+    else:
+        tested = f"whose gate was {'' if gate.testable else 'not '}testable"
+    judges = " or ".join(JUDGES)
+    return f"bounds and intervals rest on draws of the {drawn}, {tested}; careful is {judges}"
 
 
 def _found(title: str, sut: str, generated: Generated) -> str:

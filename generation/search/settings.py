@@ -89,6 +89,8 @@ class SearchSettings:
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
+        until: draw in arrays, after the search, until failures that were not found have a
+            probability below it, or one stands against it; None for no such draws.
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
         minutes: time after which the search ends, whatever is left of its budget; None for no
             limit.
@@ -132,6 +134,14 @@ class SearchSettings:
         False,
         "Estimate how often traffic makes the system fail, by at most 600 more runs.",
         "--estimate",
+    )
+    until: float | None = option(
+        None,
+        "Then draw in arrays until failures not found are rarer than P, as 1e-5, or one stands against it.",
+        "--until",
+        min=1e-9,
+        max=0.5,
+        metavar="P",
     )
     domain: Sequence[str] = option(
         (),

@@ -105,8 +105,12 @@ def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
     assert "0 failures" in found["region"]["reason"]
     assert found["headline"][0] == "cas has no collision in 1 run of cut_in_highway."
     assert found["films"] == []
-    assert found["headline"][-2] == "1 of 1 run tested what the file describes."
-    assert found["headline"][-1].startswith("No unguided draw was executed: nothing bounds")
+    assert found["headline"][-3] == "1 of 1 run tested what the file describes."
+    assert found["headline"][-2].startswith("No unguided draw was executed: nothing bounds")
+    assert found["headline"][-1] == (
+        "Bounds and intervals rest on draws of the density kde of 3,563 recorded manoeuvres, "
+        "whose gate was not testable; careful is r157-cc or fsm."
+    )
 
 
 def test_the_headline_tells_probability_rates_and_bands() -> None:
