@@ -13,7 +13,7 @@ from generation.space.density.models import JUDGE, UNIFORM, models
 from generation.space.density.roles import ROLES
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError, guess
-from schemas.common.terminal.options import option, part
+from schemas.common.terminal.options import completed, option, part
 
 if TYPE_CHECKING:
     from generation.space.density.marginals import Marginal
@@ -34,7 +34,18 @@ def _offered(name: str) -> str:
 
 
 def _method() -> Any:
-    return option(METHOD, f"Search method: {', '.join(_METHODS)}.", callback=_offered)
+    return option(
+        METHOD,
+        f"Search method: {', '.join(_METHODS)}.",
+        callback=_offered,
+        autocompletion=completed(lambda: _METHODS),
+    )
+
+
+def _kinds() -> tuple[str, ...]:
+    from recognition.labels.maneuvers.parameters import KINDS
+
+    return KINDS
 
 
 def _processes() -> Any:
@@ -178,11 +189,14 @@ class Ask:
         metavar="PATH",
     )
     kind: str | None = option(
-        None, "Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration."
+        None,
+        "Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.",
+        autocompletion=completed(_kinds),
     )
     density: str = option(
         JUDGE,
         f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings.",
+        autocompletion=completed(lambda: [*models(), UNIFORM]),
     )
     pinned: Mapping[str, str] = option(
         {},

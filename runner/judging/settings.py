@@ -270,7 +270,8 @@ class RunSettings:
         known = [field.name for field in fields(cls)]
         for name in changes:
             if name not in known:
-                raise UsageError(f"there is no setting {name!r}; {nearest(name, known)}")
+                near = nearest(name, [*known, "parameters"])  # which callers take beside settings
+                raise UsageError(f"there is no setting {name!r}; {near}")
         return cls.of_project(**changes) if settings is None else replace(settings, **changes)
 
     @property

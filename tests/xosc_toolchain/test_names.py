@@ -118,3 +118,19 @@ def test_new_scenarios_begin_as_shipped_ones(folder: Path, command: Command) -> 
     assert command("xosc", "new", "scenario", "mine").code == 2
     assert command("xosc", "new", "scenario", "../mine").code == 2
     assert "did you mean 'cut_in_highway'?" in command("xosc", "new", "scenario", "x", "--like", "cut_in_higway").err  # fmt: skip
+
+
+def test_commands_take_the_name_of_a_shipped_road(folder: Path, command: Command) -> None:
+    assert command("xosc-road", "info", "sharp_curve").code == 0
+    assert command("xosc-road", "compare", "roundabout", "roundabout").code == 0
+    answer = command("xosc-road", "info", "sharp_curv")
+    assert answer.code == 3
+    told = "neither a file nor the name of a shipped road; did you mean 'sharp_curve'?"
+    assert told in answer.err
+    (folder / "sharp_curve").write_text("mine")
+    assert command("xosc-road", "info", "sharp_curve").code != 0, "a file comes first"
+
+
+def test_a_misspelt_argument_of_run_gets_a_suggestion() -> None:
+    with pytest.raises(xt.ToolchainError, match="did you mean 'parameters'"):
+        xt.run(NAME, paramters={"Lead_Headway_s": 1})  # type: ignore[call-arg]

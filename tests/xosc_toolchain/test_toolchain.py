@@ -99,6 +99,10 @@ def test_an_unknown_shell_is_refused(command: Command) -> None:
         ("xosc-run --fail-if min_t", ["min_ttc", "min_thw"]),
         ("xosc-export --to o", ["openlabel", "osi"]),
         ("xosc-list --class 'highway cut i", ["highway cut in"]),
+        ("xosc-generate --method dr", ["draws"]),
+        ("xosc-generate --density unif", ["uniform"]),
+        ("xosc-loop --kind cut_", ["cut_in", "cut_out"]),
+        ("xosc-road info rounda", ["roundabout"]),
     ],
 )
 def test_words_are_completed(words: str, expected: list[str]) -> None:

@@ -14,6 +14,8 @@ from schemas.common.terminal.text import one_line
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 """The shipped scenarios"""
+ROADS = Path(__file__).parents[3] / "xodr" / "library"
+"""The shipped roads"""
 SUFFIXES = (".xosc", ".xodr")
 
 
@@ -55,17 +57,47 @@ def named(path: Path) -> Path:
     raise InvalidFile(told, path=path)
 
 
+def named_road(path: Path) -> Path:
+    """Return the shipped road that a name without folder and ending stands for; any other path as it is.
+
+    Raises:
+        InvalidFile: there is none, with the most similar name.
+    """
+    name = str(path)
+    if path.suffix or path.name != name or os.path.lexists(path):
+        return path
+    if name in shipped_roads():
+        return _relative(ROADS / f"{name}.xodr")
+    told = f"neither a file nor the name of a shipped road; {nearest(name, shipped_roads())}"
+    raise InvalidFile(told, path=path)
+
+
 @cache
 def shipped() -> tuple[str, ...]:
     """Return the names of the shipped scenarios and variations."""
     return tuple(sorted(path.stem for path in LIBRARY.glob("*.xosc")))
 
 
+@cache
+def shipped_roads() -> tuple[str, ...]:
+    """Return the names of the shipped roads."""
+    return tuple(sorted(path.stem for path in ROADS.glob("*.xodr")))
+
+
 def complete_name(incomplete: str) -> list[str]:
     """Names of shipped scenarios that begin as typed; none where a file of the user's does, which the shell completes."""
+    return _unless_file(incomplete, shipped())
+
+
+def complete_road(incomplete: str) -> list[str]:
+    """Names of shipped roads, as `complete_name` those of scenarios."""
+    return _unless_file(incomplete, shipped_roads())
+
+
+def _unless_file(incomplete: str, names: Iterable[str]) -> list[str]:
     if glob(f"{escape(incomplete)}*"):
         return []
-    return [name for name in shipped() if name.startswith(incomplete)]
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def _relative(path: Path) -> Path:

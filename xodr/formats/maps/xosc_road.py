@@ -22,6 +22,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.files import complete_road, named_road
 from schemas.common.terminal.options import WRITTEN
 
 if TYPE_CHECKING:
@@ -38,7 +39,13 @@ _EPILOG = exit_codes("done", "the error is beyond --within, or a test drive fail
     " OpenStreetMap (.osm) to read."
 )
 Source = Annotated[
-    Path, typer.Argument(metavar="MAP", help="The map; its format is found by name and content.")
+    Path,
+    typer.Argument(
+        metavar="MAP",
+        callback=named_road,
+        autocompletion=complete_road,
+        help="The map, or the name of a shipped road; its format is found by name and content.",
+    ),
 ]
 Origin = Annotated[
     str | None,
@@ -69,6 +76,11 @@ Within = Annotated[
         help="Fail if a border is farther away than this (m), or a lane or connection is lost or gained.",
     ),
 ]  # fmt: skip
+
+
+def _named(paths: list[Path]) -> list[Path]:
+    return list(map(named_road, paths))
+
 
 app = new_app(NAME)
 
@@ -129,7 +141,10 @@ def convert_command(
 def compare_command(
     path: Source,
     against: Annotated[
-        Path, typer.Argument(metavar="OTHER", help="The map that it is compared with.")
+        Path,
+        typer.Argument(
+            metavar="OTHER", callback=named_road, help="The map that it is compared with."
+        ),
     ],
     origin: Origin = None,
     within: Within = None,
@@ -337,7 +352,9 @@ def join_command(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="MAP...", help="OpenDRIVE files; the first keeps its ids and coordinates."
+            metavar="MAP...",
+            callback=_named,
+            help="OpenDRIVE files; the first keeps its ids and coordinates.",
         ),
     ],
     out: RoadOut,
