@@ -66,6 +66,7 @@ CACHES = {
     "schemas.common.packages.described": PROGRAM,
     "schemas.common.packages.names": PROGRAM,
     "schemas.common.terminal.files.shipped": PROGRAM,
+    "schemas.common.terminal.files.shipped_roads": PROGRAM,
     "schemas.expressions.parse": VALUE,
     "schemas.checks.osi._concerned": PROGRAM,
     "schemas.checks.osi._rules": PROGRAM,
