@@ -86,6 +86,22 @@ def search(folder: Path) -> None:
     _shot((folder / "edge_cases" / "report.html").as_uri(), PICTURES / "search.png", (1100, 640))
 
 
+def report(folder: Path) -> None:
+    """The report of a batch that varies a scenario."""
+    call(
+        "xosc-run simple_cut_in_variation -p CutIn_Speed_mps=12 --sut cas --out varied --replay",
+        folder,
+    )
+    _shot((folder / "varied" / "report.html").as_uri(), PICTURES / "report.png", (1100, 760))
+
+
+def pair(folder: Path) -> None:
+    """Two systems in one scenario, side by side."""
+    page = folder / "pair.html"
+    write_replay([xt.run(_SCENARIO, sut=sut) for sut in ("adas", "cas")], page)
+    _shot(f"{page.as_uri()}#t=5.4", PICTURES / "pair.png", _SIZE)
+
+
 def explore(folder: Path) -> None:
     """The page of an explored scenario."""
     with _explored(folder, "cut_in_highway --sut adas --world kinematic") as address:
@@ -107,7 +123,8 @@ def export(folder: Path) -> None:
 
 
 PICTURE: dict[str, Callable[[Path], None]] = {
-    each.__name__: each for each in (replay, check, catalogue, search, explore, export)
+    each.__name__: each
+    for each in (replay, check, catalogue, search, report, pair, explore, export)
 }
 
 
