@@ -85,7 +85,8 @@ def _way(between: str, files: list[Path]) -> None:
 
 
 def _away(one: LaneMap, other: LaneMap) -> float | None:
-    """Largest difference (degrees) of places on earth of equal coordinates; None without a projection."""
+    """Largest difference (degrees) of places on earth of equal coordinates; None without a
+    projection."""
     here, there = Projector.of(one), Projector.of(other)
     if here is None:
         return None

@@ -162,7 +162,7 @@ def _tell_results(
     table: OutcomeTable,
     earlier: BatchComparison | None,
 ) -> None:
-    """Write pages about the whole batch, and name all that was written."""
+    """Write pages about the whole batch, and name the written files."""
     report = _pages(batch, table, earlier)
     if batch.out is not None and not batch.dry_run:
         table.tell(f"results: {batch.out}" if report is None else f"report: {report}")

@@ -189,7 +189,7 @@ class Catalogs:
         self._known: dict[tuple[str, ...], _Found] = {}
 
     def find(self, holder: str, catalog: str, name: str) -> CatalogEntry:
-        """The entry that a CatalogReference stands for.
+        """Entry of a CatalogReference.
 
         Args:
             holder: name of the element that holds the reference.
@@ -273,8 +273,7 @@ _URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
 
 
 class Located(NamedTuple):
-    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it
-    is as it says.
+    """Files of a catalogue directory, sorted, and assumptions about its place; empty without any.
 
     Where the directory is missing these are the files of all folders that were asked for, in the
     order of the folders.

@@ -1,4 +1,5 @@
-"""Probability of a failure under the density: importance sampling from a proposal made of failures in arrays, or draws."""
+"""Probability of a failure under the density: importance sampling from a proposal made of failures
+in arrays, or draws."""
 
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ _TREES = 100
 
 
 class Learned:
-    """A forest of the parameters that are no nuisances and their differences; of logarithms where the box is positive, so that
-    differences are ratios of speeds and headways.
+    """A forest of the parameters that are no nuisances and their differences; of logarithms where
+    the box is positive, so that differences are ratios of speeds and headways.
 
     Args:
         prior: of the columns.
@@ -52,7 +53,8 @@ class Learned:
         return differences(rows)
 
     def failing(self, theta: FloatArray) -> FloatArray:
-        """The share (n,) of the trees, weighed by how sure they are, that take points (n, d) for failures."""
+        """The share (n,) of the trees, weighed by how sure they are, that take points (n, d) for
+        failures."""
         found: FloatArray = self._forest.predict_proba(self._features(theta))[:, 1]
         return found
 
@@ -66,7 +68,8 @@ _UNSURE = 0.3
 
 
 class Proposal:
-    """q = a·p + (1 − a)·k: a prior p, and kernels k around known failures, cut where the prior ends.
+    """q = a·p + (1 − a)·k: a prior p, and kernels k around known failures, cut where the prior
+    ends.
 
     The defensive share a bounds the weights p/q by 1/a, and with them the error from failures far
     from the known ones. Kernels as narrow as the likelihood of the known failures wants them leave
@@ -148,14 +151,15 @@ class Proposal:
 
 
 class Stage(NamedTuple):
-    """So many draws of a proposal; of the prior where it is None."""
+    """Draws from a proposal, a number of them; of the prior where it is None."""
 
     number: int
     proposal: Proposal | None
 
 
 class Stages:
-    """Mixture of the proposals of several stages, q = Σ n_t/n q_t: each draw counts as one of the mixture.
+    """Mixture of the proposals of several stages, q = Σ n_t/n q_t: each draw counts as one of the
+    mixture.
 
     A stage that looked where hardly anything fails then spoils nothing. As later proposals follow
     earlier draws, the estimate is consistent, and not exactly unbiased. E. Veach, L. J. Guibas,
@@ -190,13 +194,16 @@ FAILURE, PREVENTABLE = "collision", "preventable collision"
 BANDS = (0.0, 5.0, 10.0, 20.0)
 """Lower edges of the bands of impact speed, m/s"""
 _DEFENSIVE, _LEARNT = 0.2, 0.1
-"""Share of the draws that is of the prior, with plays and where its place is taken by what runs say"""
+"""Share of the draws that is of the prior, with plays and where its place is taken by what runs say
+"""
 _BLOCK, _BLOCKS, _SOUGHT = 16_384, 16, 400
-"""Draws of the prior that are played at a time, how often at most, and failures at which it stops"""
+"""Draws of the prior that are played at a time, how often at most, and failures at which it stops
+"""
 _STAGES = 3
 """Without plays, stages of as many runs: each looks where the runs before it say"""
 _SURE, _UNSURE, _MOST = 0.5, 0.1, 1600
-"""Shares of a forest above which it takes a draw for a failure, and for one that may be; how many of the latter are kept"""
+"""Shares of a forest above which it takes a draw for a failure, and for one that may be; how many
+of the latter are kept"""
 _CONTROLLED = 32_768
 """Draws of the proposal that are played"""
 _LEAST = 30
@@ -308,7 +315,7 @@ class Known(NamedTuple):
 
 
 class _Played(NamedTuple):
-    """Weighted points, what came of them, and where a careful driver survives."""
+    """Weighted points, their outcomes, and where a careful driver survives."""
 
     weights: FloatArray
     outcomes: Outcomes
@@ -381,7 +388,8 @@ def estimate(
 def _ratios(
     prior: Prior, theta: FloatArray, settings: EstimateSettings, generator: np.random.Generator
 ) -> FloatArray:
-    """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where none can be resampled."""
+    """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where
+    none can be resampled."""
     none = np.zeros((settings.resampled, len(theta)))
     found = (
         prior.log_ratios(theta, settings.resampled, generator)
@@ -392,14 +400,16 @@ def _ratios(
 
 
 def _spread(ratios: FloatArray, weights: FloatArray) -> float:
-    """Standard deviation of the logarithm of Σ w p'/p over densities p', given log p'/p (k, n) and weights w (n,)."""
+    """Standard deviation of the logarithm of Σ w p'/p over densities p', given log p'/p (k, n) and
+    weights w (n,)."""
     if not ratios.size:
         return 0.0
     return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
 
 
 _GREATEST = 5.0
-"""Greatest logarithm of a ratio of densities: far out in its tails a density of few recordings knows little"""
+"""Greatest logarithm of a ratio of densities: far out in its tails a density of few recordings
+knows little"""
 
 
 def _shared(runs: int, stages: int) -> list[int]:
@@ -412,7 +422,8 @@ def _shared(runs: int, stages: int) -> list[int]:
 def _failures_on(
     prior: Prior, plays: Plays, generator: np.random.Generator
 ) -> tuple[Proposal | None, int]:
-    """The proposal of draws of the prior that fail in arrays, and how many there are; None where they are too few."""
+    """The proposal of draws of the prior that fail in arrays, and how many there are; None where
+    they are too few."""
     failures = _draws(prior, lambda theta: plays(theta).collision.astype(np.float64), generator)[0]
     return Proposal(prior, _DEFENSIVE, failures) if len(failures) >= _LEAST else None, len(failures)
 
@@ -420,7 +431,8 @@ def _failures_on(
 def _learnt(
     prior: Prior, known: Known, generator: np.random.Generator
 ) -> tuple[Proposal | None, int]:
-    """The proposal of what a forest takes for failures, and how many it has learnt from; None where they are too few.
+    """The proposal of what a forest takes for failures, and how many it has learnt from; None where
+    they are too few.
 
     Failures that a search has found are spread over all that fails: draws of the prior among them
     are where traffic fails. What the forest is unsure of has a share of its own: a failure there
@@ -441,7 +453,8 @@ def _learnt(
 def _draws(
     prior: Prior, score: Callable[[FloatArray], FloatArray], generator: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Draws of the prior whose score says that they fail, and those that may fail, these among them."""
+    """Draws of the prior whose score says that they fail, and those that may fail, these among
+    them."""
     sure, unsure = list[FloatArray](), list[FloatArray]()
     for _ in range(_BLOCKS):
         theta = prior.sample(_BLOCK, generator)

@@ -131,7 +131,7 @@ def probability(
 
 
 def _rare(n: int) -> float:
-    """Upper 95 % limit of a share of which n draws show nothing: the rule of three, exactly."""
+    """Upper 95 % limit of a share after n draws without an event: the rule of three, exactly."""
     return float(-np.expm1(math.log(0.05) / n))
 
 

@@ -121,7 +121,8 @@ def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProx
 
 
 def _is_catalog(path: Path) -> bool:
-    """A file that can't be read is none: each stage says so of it, and goes on with the others."""
+    """Whether a file is a catalogue; false for a file that can't be read, which each stage reports
+    by itself."""
     try:
         return xosc.load(path).kind == "catalog"
     except ToolchainError:

@@ -285,7 +285,7 @@ class _Loop:
         ]
 
     def _of(self, target: SearchTarget) -> str:
-        """The content of all that a search of a target depends on."""
+        """Content of the files that the result of a target's search depends on."""
         asked = target.asked
         scenario = played(
             target.scenario, self._settings.run, asked.pinned if asked is not None else {}

@@ -302,8 +302,8 @@ class FinishedStages:
         ]
 
     def _files(self, made: Sequence[Path]) -> dict[str, str | None]:
-        """Digests of what was made, by name below the output folder; what is hidden is of no
-        result."""
+        """Digests of the files of a stage, by name below the output folder; hidden files are left
+        out."""
         paths = sorted(
             path
             for output in made

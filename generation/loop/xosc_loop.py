@@ -1,5 +1,5 @@
-"""The command `xosc-loop`: a folder of recordings or scenarios goes through the whole loop, and a
-page shows what came of it."""
+"""The command `xosc-loop`: a folder of recordings or scenarios passes the whole loop,
+and a page shows the results."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ FailIf = Annotated[
 
 
 def budget_within_limits(budget: int, more: int, name: str) -> int:
-    """Return the runs that a search may spend under `--max-runs`; fewer than asked for are said on
+    """Return the runs that a search may spend under `--max-runs`; a reduction is reported on
     standard error.
 
     Args:

@@ -1,4 +1,5 @@
-"""Fates of the failures of another version of the system, replayed on this one: fixed, remaining, new."""
+"""Fates of the failures of another version of the system, replayed on this one: fixed, remaining,
+new."""
 
 from __future__ import annotations
 
@@ -132,7 +133,8 @@ class Fates(Counter[Fate]):
     """Number of failures of each fate."""
 
     def fails(self, *by: Fate) -> bool:
-        """Whether there are failures of any of these fates; of those whose runs failed, nothing good is assumed."""
+        """Whether there are failures of any of these fates; of those whose runs failed, nothing
+        good is assumed."""
         wanted = {*by, Fate.UNKNOWN} if Fate.STILL_THERE in by else set(by)
         return any(self[fate] for fate in wanted)
 
@@ -146,7 +148,7 @@ class Regression:
 
     Attributes:
         before: the other version.
-        replayed: what came of its failures with this one (n,). fates: what became of them (n,).
+        replayed: outcomes of its failures with this one (n,). fates: what became of them (n,).
         found: fates of the points (m,) of this version: `NEW`, `MISSED` or `UNLIKE` for failures
             unlike all of before, else None.
         regions: number of regions of failures by what became of them.
@@ -211,7 +213,8 @@ def regression(
 
 
 def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shift]:
-    """Regions of the failures of both versions together: groups by distance, as `generation.report.counterexamples` has them.
+    """Regions of the failures of both versions together: groups by distance, as
+    `generation.report.counterexamples` has them.
 
     A region is gone where all its failures of before are fixed and none is found now. It has moved
     where none of them is left as it was, or where the middle of what fails now is `NEAR` or more
@@ -270,7 +273,8 @@ def _same(before: Before, scenario: Path, run: RunSettings) -> bool:
 
 
 def _far(tried: Tried, before: Before, least: float) -> BoolArray:
-    """Whether failures of before (n,) are unlike points (m,), by all that distinguishes cases: (n, m)."""
+    """Whether failures of before (n,) are unlike points (m,), by all that distinguishes cases: (n,
+    m)."""
     space, columns = tried.space, distinctive(tried.space)
     found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):

@@ -153,8 +153,8 @@ class Gate(NamedTuple):
 
     @property
     def refusal(self) -> str | None:
-        """Why the density is no judge of what is foreseeable; None where it is one, or where there
-        is nothing to hold it to."""
+        """Reason why the density is no judge of foreseeable points; None if it is one, or without
+        replays to compare with."""
         if self.replayed is None:
             return None
         unfaithful = self.unprevented or self.replayed
@@ -205,7 +205,7 @@ _FORM = f"{R157}, {ROAD} or NAME=LOW..HIGH is expected, as Ego_Speed_mps=0..36"
 
 @dataclass(frozen=True)
 class Domain:
-    """Limits of parameters, which hold for what is searched and for what is pinned.
+    """Limits of parameters, searched or pinned.
 
     Attributes:
         limits: least and greatest value by the parameter's name.

@@ -141,7 +141,7 @@ class Outcomes:
 
 
 class Episodes(NamedTuple):
-    """Points (n, d), what came of them, and their rewards (n,)."""
+    """Points (n, d), their outcomes, and their rewards (n,)."""
 
     theta: FloatArray
     outcomes: Outcomes
@@ -551,7 +551,7 @@ class Cases:
 
     Attributes:
         theta: parameters (n, d).
-        outcomes, rewards: what came of them.
+        outcomes, rewards: at theta.
         log_likelihood: log-density (n,) at theta.
         drivers: what came of the reference drivers there, by their names
             (`generation.search.outcomes.REFERENCES`).

@@ -1,4 +1,5 @@
-"""Points of a scenario played at once in arrays: `generation.search.outcomes.Evaluator` without a simulator."""
+"""Points of a scenario played at once in arrays: `generation.search.outcomes.Evaluator` without a
+simulator."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ _UNTESTED = "it did not test what the file describes"
 
 
 class ArrayPlays:
-    """Plays a scenario at points of its parameter space in arrays, kinematically, with any system that they can ask.
+    """Plays a scenario at points of its parameter space in arrays, kinematically, with any system
+    that they can ask.
 
     Points that arrays leave open are played by the interpreter, one by one.
 

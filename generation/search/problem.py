@@ -1,4 +1,5 @@
-"""Search problem: its reward, calls of the simulator within a budget, and runs remembered between searches.
+"""Search problem: its reward, calls of the simulator within a budget, and runs remembered between
+searches.
 
 A search is deterministic given the answers of the simulator. So its own state (networks,
 populations, generators) is not stored: a resumed search starts anew, is answered from memory up to
@@ -35,7 +36,8 @@ Criticality = Callable[[Outcomes], FloatArray]
 
 
 def additive(outcomes: Outcomes) -> FloatArray:
-    """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was dangerous all along counts more.
+    """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was
+    dangerous all along counts more.
 
     An episode that failed counts as one without any risk.
     """
@@ -86,7 +88,8 @@ class Realism:
         return cls(density, float(limit), float(high - low))
 
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that they have no excess."""
+        """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that
+        they have no excess."""
         found = self.density.log_density(theta)
         return found, -found <= self.limit
 
@@ -114,7 +117,7 @@ class Reward:
     criticality: Criticality = additive
 
     def __call__(self, theta: FloatArray, outcomes: Outcomes) -> FloatArray:
-        """Rewards (n,) of rows (n, d) and what came of them."""
+        """Rewards (n,) of rows (n, d) and their outcomes."""
         critical = self.criticality(outcomes)
         return critical - self.weight * self.realism.penalty(theta) if self.weight else critical
 
@@ -127,7 +130,8 @@ class Plays(Protocol):
     """Plays points of a space without a simulator; `generation.search.plays.ArrayPlays` does."""
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
-        """The outcomes at points (n, d), driven by the problem's system under test, or by the one of a name."""
+        """The outcomes at points (n, d), driven by the problem's system under test, or by the one
+        of a name."""
         ...
 
 
@@ -243,7 +247,7 @@ def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
 
 
 class Calls:
-    """The simulator calls of one search: spends the budget, and keeps what came of it.
+    """The simulator calls of one search: spends the budget, and keeps the outcomes.
 
     Args:
         problem: the problem.
@@ -255,7 +259,8 @@ class Calls:
         self._parts: list[Episodes] = []
 
     def __call__(self, theta: FloatArray) -> Episodes:
-        """Evaluate the points (n, d), brought into the box; only the first ones, where the budget ends before them."""
+        """Evaluate the points (n, d), brought into the box; only the first ones, where the budget
+        ends before them."""
         # Clipped before the run, so that history and files hold the values that were run.
         theta = self.problem.space.clip(np.asarray(theta, dtype=np.float64)[: self.left])
         outcomes = self.problem.evaluate(theta)
@@ -264,7 +269,8 @@ class Calls:
         return self._parts[-1]
 
     def prevented(self, episodes: Episodes) -> BoolArray:
-        """Failures among episodes that a judge prevents (n,); all of them where the problem has no judges."""
+        """Failures among episodes that a judge prevents (n,); all of them where the problem has no
+        judges."""
         failing, judging = (
             episodes.outcomes.collision & episodes.outcomes.executed,
             self.problem.judging,
@@ -413,5 +419,6 @@ def _outcomes(entries: list[dict[str, Any]]) -> Outcomes:
 
 
 def _finite(value: Any) -> Any:
-    """A value as records hold it: texts for infinite numbers, which `Outcomes.of` reads as numbers again."""
+    """A value as records hold it: texts for infinite numbers, which `Outcomes.of` reads as numbers
+    again."""
     return str(value) if isinstance(value, float) and not np.isfinite(value) else value

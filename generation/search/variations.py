@@ -211,8 +211,8 @@ class Writer:
 
 
 class Written:
-    """The files that searches have written into a folder for a scenario, so that a search that goes
-    on can replace them.
+    """Files that searches have written into a folder for a scenario, so that a resumed search can
+    replace them.
 
     Args:
         folder: of the files. stem: name of the scenario's file without its ending.
@@ -223,8 +223,7 @@ class Written:
         self._notes = folder / f"{stem}_files.json"
 
     def withdraw(self, changed: bool = False) -> None:
-        """Remove what was written before and has not been changed since; with `changed`, what has
-        been, too.
+        """Remove the unchanged files of an earlier search; with `changed`, edited ones too.
 
         Raises:
             InvalidFile: the notes on it are malformed.
@@ -241,7 +240,7 @@ class Written:
                 path.unlink()
 
     def note(self) -> None:
-        """Take note of what is there now."""
+        """Record names and digests of the present files."""
         found = [
             path for pattern in _WRITTEN for path in self._folder.glob(pattern.format(self._stem))
         ]
@@ -399,8 +398,8 @@ def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
 
 
 def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -> tuple[Ask, Path]:
-    """Declare literals of a scenario that are to be searched as parameters, in a copy with all that
-    it refers to.
+    """Declare literals of a scenario that are to be searched as parameters, in a copy with its
+    roads and catalogues.
 
     A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`.
 
@@ -550,7 +549,7 @@ def asked_of(ask: Ask, path: Path) -> Asked:
 
 
 def _is_recorded(ask: Ask, scenario: Path, variation: bool, stated: bool) -> bool:
-    """Whether recordings say what is likely."""
+    """Whether recordings provide the density."""
     if ask.density == UNIFORM:
         return False
     if ask.kind is not None or ask.recordings is not None or ask.maps:

@@ -122,8 +122,8 @@ class Recorded(NamedTuple):
         )
 
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:
-        """Return the prior of each of two adversaries, from all units of its kind, whatever the
-        other one does."""
+        """Return the prior of each of two adversaries, from all units of its kind, independent of
+        the other one."""
         found = []
         for recorded in self.pairs.alone if self.pairs is not None else ():
             names = tuple(name for name in space.names if name in recorded.values)
@@ -163,7 +163,7 @@ class Recorded(NamedTuple):
         return RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
 
     def _stated(self, space: Space, admits: Admits | None = None) -> DeclaredPrior:
-        """The prior of what is not recorded."""
+        """Prior of parameters that are not recorded."""
         roles = roles_of(space.names)
         nuisances = [
             name for name in self.marginals if name in roles and roles[name].role in NUISANCES

@@ -1,4 +1,5 @@
-"""Search space: the parameters of a logical scenario as a box with a name on each side, and distances in it.
+"""Search space: the parameters of a logical scenario as a box with a name on each side, and
+distances in it.
 
 Source: METHOD.md §3, Table 1. A scenario declares its parameters with constraint groups; the box is
 read from there, so that a scenario with other or more parameters (speed of the ego, a jerk, a
@@ -138,7 +139,8 @@ class Space:
         ranges: Mapping[str, Marginal] = MappingProxyType({}),
         default: bool = True,
     ) -> Space:
-        """The space of a logical scenario: its double parameters that have a lower and an upper limit.
+        """The space of a logical scenario: its double parameters that have a lower and an upper
+        limit.
 
         Of those, the ones of the actors are searched, participants that have one of the seven, and
         the speed of the ego, or where that acts, of its leader. Where no participant has one of the
@@ -272,7 +274,8 @@ def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
 
 
 def free_option(declared: Mapping[str, str]) -> str:
-    """The option that gives parameters limits, and which there are, by name with their values; for messages."""
+    """The option that gives parameters limits, and which there are, by name with their values; for
+    messages."""
     told = [f"{name} = {value}" for name, value in declared.items()]
     listed = ", ".join(told[:_LISTED]) + (
         f" and {len(told) - _LISTED} more" if len(told) > _LISTED else ""
@@ -326,7 +329,8 @@ def _admits(declared: Sequence[Node], values: Mapping[str, str]) -> bool:
 
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
-    """Names of the actors' parameters and of what recordings tell besides; where there is no actor, of all but the ego's.
+    """Names of the actors' parameters and of what recordings tell besides; where there is no actor,
+    of all but the ego's.
 
     Without those that are searched on request only.
     """
@@ -401,7 +405,8 @@ _BLOCK = 4096
 
 
 def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:
-    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `least` to those before.
+    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `least` to
+    those before.
 
     Args:
         most: how many indices at most; None for any number.
@@ -419,7 +424,8 @@ def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray
 
 
 def grouped(unit: FloatArray, linked: float) -> IntArray:
-    """Labels (n,) of rows (n, d) of the unit cube: groups by single linkage at a root-mean-square distance."""
+    """Labels (n,) of rows (n, d) of the unit cube: groups by single linkage at a root-mean-square
+    distance."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
     if len(unit) < 2:

@@ -335,7 +335,7 @@ def of_findings(recording: str, findings: Iterable[Detection], around: Around) -
 def of_vehicles(
     recording: str, vehicles: Iterable[EgoVehicle], findings: Sequence[Detection]
 ) -> list[Episode]:
-    """A scenario for each vehicle, of all that was recorded of it."""
+    """A scenario for each vehicle, of its whole track."""
     episodes = []
     for ego, start, end, passage in vehicles:
         own = [finding for finding in findings if finding.moment.ego == ego]
@@ -361,8 +361,7 @@ def plain(text: str) -> str:
 
 
 def _distinct(episodes: list[Episode]) -> list[Episode]:
-    """The same with names that are unique in their folders, whatever the file system makes of
-    capitals."""
+    """Episodes with names that are unique in their folders, also on file systems without case."""
     seen: dict[str, int] = {}
     distinct = []
     for episode in episodes:

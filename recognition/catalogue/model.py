@@ -118,7 +118,7 @@ _NOTHING = title_of(BACKGROUND)
 
 
 class ByModel:
-    """Labels moments by a model, which discovers classes and goes on with them as it sees more.
+    """Labels moments by a model, which discovers classes and applies them to later moments.
 
     Args:
         model: fitted, with its encoders.
@@ -189,8 +189,7 @@ class ByModel:
             advance(1.0)
 
     def moments(self, name: str) -> list[Moment]:
-        """The moments of a recording, as what they are known to be once all recordings were looked
-        at."""
+        """Moments of a recording with their final labels, after all recordings were seen."""
         # Classes are discovered from all recordings together; the first question ends the looking.
         if not self._finished:
             self._discover()

@@ -1,4 +1,4 @@
-"""Recordings of a catalogue: reading, checking and cutting one, and what is kept of it on disk."""
+"""Recordings of a catalogue: reading, checking and cutting one, and its copy on disk."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class RecordingStore:
         self._folder = folder
 
     def find(self, source: Source) -> Kept | None:
-        """The recording of a source; None where it is not kept, or what is kept is damaged."""
+        """Recording of a source; None if it is not kept, or its copy is damaged."""
         columns, records = self._path(source, "arrow"), self._records(source).read().records
         try:
             # The record is written last, with the digest: a store that was interrupted in between
@@ -125,7 +125,7 @@ class RecordingStore:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _records(self, source: Source) -> Records:
-        """The file with one record: what is kept besides the columns, and their digest."""
+        """File with one record: timestep, tracks and report beside the columns, and their digest."""
         return Records(self._path(source, "jsonl"))
 
     def _path(self, source: Source, ending: str) -> Path:
@@ -231,7 +231,7 @@ class RecordingRef(NamedTuple):
 
 
 class PlacedRecording(NamedTuple):
-    """A recording that has been read, what it is on, and its quality from 0 to 1."""
+    """A recording with its road, and its quality from 0 to 1."""
 
     place: RecordingRef
     road: Path
@@ -353,8 +353,8 @@ def inspected(source: Source) -> Inspection:
 
 
 def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording | ToolchainError:
-    """Read a recording, unless it is on the shelf already, put it there, and label it; or what is
-    wrong with it."""
+    """Read, keep and label a recording, from the store if it is there; return the error if it is
+    unreadable."""
     source, shelf = place.source, RecordingStore(place.shelf)
     try:
         with limited():
@@ -435,7 +435,7 @@ def _material(ground: PlacedRecording, scope: Scope) -> Material:
 
 
 def forget() -> None:
-    """Keep nothing of what was opened: other files may have the same names."""
+    """Clear the cache of opened sources: other files may have the same names."""
     opened.cache_clear()
     listed.cache_clear()
     recorded.cache_clear()

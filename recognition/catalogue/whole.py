@@ -116,8 +116,7 @@ _NONE = Tolerance(0.0, 0.0, 0.0, 0.0)
 
 
 def _unsmoothed(recording: Recording) -> Recording:
-    """The recording with the recorded values of what was smoothed in the place of the smoothed
-    ones."""
+    """The recording with recorded instead of smoothed values."""
     tracks = [replace(track, read=partial(_recorded, track)) for track in recording.tracks.values()]
     return Recording(tracks, recording.timestep, recording.network)
 

@@ -156,7 +156,7 @@ def constant(values: NDArray, half: int, first: IntArray, last: IntArray) -> Boo
 
 
 def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
-    """Rows about which a vehicle goes along its road, less than `rules.oblique` to the lane there.
+    """Rows in which a vehicle drives along its road, at less than `rules.oblique` to the lane.
 
     Within `rules.turning_time` before and after, it turns by no more than `rules.turning` beyond
     what the road bends.
@@ -386,8 +386,7 @@ def _partial(
 
 
 def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
-    """Lanes, of which those in which a track begins or ends need not be held for `rules.hold`: that
-    may be cut."""
+    """Lanes; at the ends of a track, which may be cut, a lane need not be held for `rules.hold`."""
     start, size = stays(raw, course)
     last = start + size - 1
     at_end = (start == scene.first[start]) | (last == scene.last[last])

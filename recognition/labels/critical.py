@@ -1,5 +1,5 @@
-"""Critical moments of a recording, whatever its class: time to collision, braking, encroachment,
-evasive steering, contact.
+"""Critical moments of a recording, of any class: time to collision, braking, encroachment, evasive
+steering, contact.
 
 The measures are those of runs (`runner.judging.measures`). RSS violations are reported beside them
 but make no moment: ordinary close following violates RSS.
@@ -228,8 +228,7 @@ def _once(moments: Sequence[CriticalMoment], limits: CriticalLimits) -> Iterator
 
 
 def _near(motions: Sequence[MotionRows], step: float) -> list[IntArray]:
-    """Numbers of the participants that each one comes near to, for the speed at which they
-    approach."""
+    """Numbers of the participants that each one approaches within reach of its closing speed."""
     from scipy.spatial import KDTree
 
     if not motions:

@@ -166,7 +166,7 @@ def car_following(scene: Scene) -> Hits:
 
 
 def cut_in(scene: Scene) -> Hits:
-    """3: another vehicle comes into ego's lane and becomes its lead."""
+    """3: another vehicle changes into ego's lane and becomes its lead."""
     found = _on_main(scene, cut_ins(scene))
     near = lateral_gap(scene, found) < scene.rules.lateral_gap
     return Hits(
@@ -255,7 +255,7 @@ _ROUNDING = 0.01
 
 
 def urban_cut_in(scene: Scene) -> Hits:
-    """9: another vehicle comes into ego's lane and becomes its lead; 0 < TTC < `rules.urban_ttc`
+    """9: another vehicle changes into ego's lane and becomes its lead; 0 < TTC < `rules.urban_ttc`
     soon after is a tag."""
     found = _on_urban(scene, cut_ins(scene))
     ttc = least_ttc(scene, found)
@@ -450,7 +450,7 @@ def _goes_on(scene: Scene) -> BoolArray:
 
 
 def merging(scene: Scene) -> Hits:
-    """17: a vehicle from elsewhere comes into the same lane behind the junction shortly before or
+    """17: a vehicle from another road enters the same lane behind the junction shortly before or
     after ego."""
     passages = scene.passages
     gap, partner = _arrivals(scene)
@@ -493,8 +493,8 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
 
 
 def _same_way(scene: Scene, which: IntArray) -> BoolArray:
-    """Which pairs of passages come the same way, whatever roads overlap there: one begins on the
-    way of the other."""
+    """Mask of pairs of passages on one way, on any roads that overlap there: one begins on the way
+    of the other."""
     from shapely import distance, points
 
     first = scene.passages.first[which]
@@ -557,7 +557,7 @@ def crosses(scene: Scene) -> BoolArray:
 
 
 def _opposing(scene: Scene) -> BoolArray:
-    """Passages during which a vehicle comes through the same junction from the other side."""
+    """Mask of passages during which a vehicle crosses the same junction from the opposite side."""
     passages = scene.passages
     time, heading = scene.time[passages.row], scene.h[passages.first]
     found = np.zeros(len(passages), bool)

@@ -272,8 +272,7 @@ class Scene(SceneRows):
         )
 
     def least_shift(self, row: IntArray) -> FloatArray:
-        """Least lateral displacement (m) of a change into the lane of each row of which not all
-        need be recorded."""
+        """Least lateral displacement (m) of a partly recorded change into the lane of each row."""
         share = np.where(
             self.role[row] == ROLES.index(LaneRole.MAIN),
             self.rules.partial_shift,
@@ -282,8 +281,8 @@ class Scene(SceneRows):
         return share * self.lane_width(row)
 
     def steady(self, seconds: float) -> BoolArray:
-        """Rows whose track keeps its lane, with all frames there, from so much before to so much
-        after."""
+        """Mask of rows whose track keeps its lane, without missing frames, from `seconds` before to
+        `seconds` after."""
         half = self.rows(seconds)
         kept = (
             constant(values, half, self.first, self.last)
@@ -385,8 +384,7 @@ def _joined(tracks: list[Track], name: str) -> NDArray:
 
 
 def _parts(track: IntArray, frame: IntArray, gap: float) -> tuple[IntArray, IntArray]:
-    """First and last row of the part that each row is in, without gaps of more than so many missing
-    frames."""
+    """First and last row of each row's part, without gaps of more missing frames than `gap`."""
     begins = np.ones(len(track), bool)
     begins[1:] = (np.diff(track) != 0) | (np.diff(frame) > 1.0 + gap)
     ends = np.append(np.flatnonzero(begins), len(track))
@@ -395,8 +393,8 @@ def _parts(track: IntArray, frame: IntArray, gap: float) -> tuple[IntArray, IntA
 
 
 def ahead_of(scene: Scene, rows: IntArray, seconds: float) -> IntArray:
-    """Indices (n, k) of the rows from each given one to `seconds` later; the last one that there is
-    stands for those missing."""
+    """Indices (n, k) of the rows from each given one to `seconds` later; missing rows are the last
+    present one."""
     steps = np.arange(scene.rows(seconds) + 1)
     return np.minimum(rows[:, None] + steps, scene.last[rows][:, None])
 
@@ -420,7 +418,7 @@ def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArra
 
 
 def near(scene: Scene, row: IntArray, others: IntArray, seconds: float) -> BoolArray:
-    """Whether another row of the same track is less than so much away from each row."""
+    """Whether another row of the same track is less than `seconds` away from each row."""
     apart = np.abs(scene.time[row][:, None] - scene.time[others]) < seconds
     return (apart & (scene.track[row][:, None] == scene.track[others])).any(axis=1)
 

@@ -226,7 +226,7 @@ def _axle(
 
 
 def _smooth(values: FloatArray) -> FloatArray:
-    """Smoothed values; beyond the ends, the motion goes on as it is (odd reflection)."""
+    """Smoothed values; beyond the ends the motion is continued by odd reflection."""
     sd = SMOOTHING * STEPS
     reach = min(round(_REACH * sd), len(values) - 1)
     before, after = (

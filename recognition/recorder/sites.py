@@ -228,8 +228,7 @@ Draw = np.random.Generator
 
 
 def family(seed: int, count: int) -> dict[str, SimulatedSite]:
-    """So many sites, each with a map of its own: `KINDS` one after the other, everything about them
-    drawn.
+    """Draw sites, each with its own map, of all `KINDS` in turn.
 
     Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and
     pace of traffic, and noise, distortion, dropped tracks and cut tracks of the sensor differ from

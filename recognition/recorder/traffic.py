@@ -254,7 +254,7 @@ def _stand(trip: etree._Element, net: SumoNet, stand: Stand) -> None:
 
 
 def _edge(net: SumoNet, lane: Lane, first: bool) -> str:
-    """The SUMO edge of a lane's carriageway where traffic comes to the road (`first`) or leaves it."""
+    """SUMO edge of a lane's carriageway where traffic enters the road (`first`) or leaves it."""
     return _sumo_lane(net, lane, 0.0 if first == (lane[1] < 0) else math.inf).rpartition("_")[0]
 
 

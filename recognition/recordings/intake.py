@@ -1,5 +1,4 @@
-"""Intake of recordings: whether what was recorded is possible, with one verdict, reasons, and a
-number for the quality.
+"""Intake of recordings: checks of physics, with one verdict, reasons, and a number for the quality.
 
 Each check looks at one property of all tracks: step of the clock, speeds by category, overlaps,
 missing frames, jumps, sizes, headings, and (on a map) the share of places on lanes and against the
@@ -303,8 +302,7 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
 
 
 def overlapping(tracks: Sequence[Track], time: float) -> tuple[IntArray, int]:
-    """Pairs (n, 2) of tracks whose boxes are inside each other at a time (s), and how many tracks
-    are there then."""
+    """Pairs (n, 2) of tracks whose boxes overlap at a time (s), and the number of tracks present."""
     from shapely import STRtree, area, intersection, polygons
 
     there, corners = [], []

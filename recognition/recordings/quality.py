@@ -32,8 +32,7 @@ class Cut(NamedTuple):
 
 
 class Exclusion(NamedTuple):
-    """Something of a source that is not in its recording: a track or an element, how many rows of
-    it, and why."""
+    """A track or element of a source that is left out of its recording: name, rows and reason."""
 
     what: str
     rows: int
@@ -79,7 +78,7 @@ class Report:
     checks: list[Check] = field(default_factory=list)
 
     def add(self, other: Report) -> None:
-        """Take in what was found in another file of the same recording."""
+        """Add the findings of another file of the same recording."""
         self.rows += other.rows
         self.tracks += other.tracks
         self.gaps += other.gaps

@@ -180,7 +180,7 @@ class Highway:
 
 
 _STRAIGHT = 0.95
-"""Least share of the way that goes within `_ALONG` of the x axis."""
+"""Least share of the way within `_ALONG` of the x axis."""
 _ALONG = math.radians(20.0)
 _MOVING = 1.0
 _NEAREST = 2.5

@@ -375,8 +375,7 @@ def site_at(
 
 
 def site_of(source: Source, recording: Recording, roads: Path) -> Site:
-    """The site of a recording. What was assumed, changed or left out to make its road joins the
-    remarks of the source's report.
+    """Site of a recording; assumptions about its road join the remarks of the source's report.
 
     The road that the user names (`--road`) counts first. highD: the road that the recording brings
     along. Own runs: theirs. Others: `<site>.xodr` beside the tracks, else a road made of the site's

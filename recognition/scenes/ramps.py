@@ -480,7 +480,8 @@ class _Ramps:
         return unsure
 
     def _stops(self, strip: int, way: int) -> bool:
-        """Whether a strip leads nowhere, or into the lane beside it, while one beside it goes on."""
+        """Whether a strip ends, or merges into the lane beside it, while a strip beside it
+        continues."""
         place = (self._places.last if way == 0 else self._places.first)[strip]
         mates = [
             mate

@@ -240,8 +240,8 @@ ROLES = tuple(LaneRole)
 
 
 class RoleRange(NamedTuple):
-    """The role of a lane of a road, from one s to another (m), with its confidence from 0 to 1 and
-    what is not sure."""
+    """Role of a lane of a road, from one s to another (m), with its confidence from 0 to 1 and its
+    doubts."""
 
     road: str
     lane: int

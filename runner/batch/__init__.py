@@ -1,4 +1,4 @@
-"""Many runs: jobs, processes, clusters, and what is done so far.
+"""Many runs: jobs, processes, clusters, and the journal of finished ones.
 
 Modules:
 

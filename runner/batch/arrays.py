@@ -87,7 +87,7 @@ class PlayedRow:
 
 
 def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[CompiledSets]:
-    """Compile a scenario for parameter sets, all of which name the same parameters.
+    """Compile a scenario for parameter sets with the same parameter names.
 
     Sets beyond the structures given, and those for which it can't be compiled, have to be played
     one by one.

@@ -182,7 +182,7 @@ def _sources(jobs: Iterable[Job | Outcome]) -> set[Path] | None:
 
 @contextmanager
 def _writable(out: Path) -> Iterator[None]:
-    """Around all that writes results.
+    """Context in which results are written.
 
     Raises:
         UsageError: the folder can no longer be written into.

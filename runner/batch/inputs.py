@@ -1,4 +1,4 @@
-"""All that decides what a run gives, by content: a finished run counts as long as none of it
+"""Digests of everything that decides the result of a run: a finished run is valid while none of it
 changes."""
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def of_batch(run: RunSettings) -> str:
 
 
 def of_job(job: Job, run: RunSettings, shared: str) -> str:
-    """Digest of all that decides what a run gives.
+    """Digest of everything that decides the result of a run.
 
     A file that is missing or damaged decides too: the run says so, until the file is another.
 
@@ -66,7 +66,7 @@ def content_of(job: Job, run: RunSettings) -> str:
 
 
 def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:
-    """Digests of the scenario and of all that it refers to, and what is wrong with them."""
+    """Digests of the scenario and the files that it refers to, and their faults."""
     try:
         paths, lack = _referred_by(job.scenario, run, job.parameters)
     except ToolchainError as error:

@@ -175,7 +175,7 @@ def jobs_of(
 
 
 class Jobs:
-    """The jobs of files, and how many these are; see `jobs_of`.
+    """Jobs of files, and their number; see `jobs_of`.
 
     Attributes:
         left_out: number of parameter sets of each file that violate constraints, once the file's
@@ -318,7 +318,7 @@ def names_of(paths: Sequence[Path]) -> list[str]:
 
 
 def _qualified(path: Path, depth: int) -> str:
-    """A file's name with those of so many folders that it is in."""
+    """A file's name with those of its innermost folders."""
     return "-".join(_folder_name(part) for part in path.with_suffix("").parts[-depth - 1 :])[
         -_LONGEST:
     ]

@@ -401,8 +401,7 @@ class Rehearsed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Compiled):
-    """A scenario file compiled with certain parameter values, for any number of runs one after the
-    other.
+    """Scenario file compiled with parameter values, for any number of consecutive runs.
 
     Each run begins anew: it gives the same results as in a process of its own. Settings, and with
     them the system under test, the seed and the world, may differ from run to run. Other parameter
@@ -422,7 +421,7 @@ class Prepared(Compiled):
     """
 
     def rehearse(self, settings: RunSettings | None = None) -> Rehearsed:
-        """Do what a run begins with, at time 0 and without a simulator.
+        """Make the initial step of a run, at time 0 and without a simulator.
 
         Raises:
             UsageError: there is no such ego.

@@ -168,8 +168,8 @@ class RunResult:
         return of_recording(self.recording, self.ego)
 
     def assume(self, remarks: Sequence[Remark]) -> None:
-        """Add what was assumed of files that the run does not know, such as the distribution that
-        its parameters are of."""
+        """Add assumptions on files that the run does not know, such as the distribution of its
+        parameters."""
         self.remarks = (*map(str, remarks), *self.remarks)
         causes = tuple(Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
         self.verdict = replace(self.verdict, causes=(*causes, *self.verdict.causes))

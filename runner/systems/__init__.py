@@ -227,7 +227,7 @@ def _described(sut: str, limit: float) -> ClassOrigin:
 
 
 def is_foreign(sut: str) -> bool:
-    """Whether a name stands for a class of the user; names that stand for nothing are refused.
+    """Whether a name denotes a class of the user; unknown names are refused.
 
     A class of the main program is none: no other process could import it.
 
@@ -272,7 +272,7 @@ class _Entry(NamedTuple):
 
 
 def _entry(name: str) -> _Entry | None:
-    """The class that a name without parameters stands for, which is not imported; None for `none`.
+    """Class of a name without parameters, not imported; None for `none`.
 
     Raises:
         UsageError: no such system can be; or --untrusted, which loads no code of others.

@@ -155,8 +155,7 @@ class Control:
 
 
 def plain(answer: object) -> Control | Pose:
-    """The answer of a system under test with Python's own floats, whatever kind of numbers it
-    holds.
+    """Answer of a system under test with Python's own floats.
 
     Raises:
         TypeError: it is neither a Control nor a Pose, or holds something else than numbers and a

@@ -135,7 +135,7 @@ def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
 
 
 def scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
-    """Whether an initial action says how fast the ego is."""
+    """Whether an initial action sets the ego's speed."""
     elements = [element for actor, element in scenario.storyboard.init if actor is ego]
     private = [
         action

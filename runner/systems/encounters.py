@@ -69,8 +69,7 @@ def tanh(value: Any) -> Any:
 
 
 class AheadParticipant(NamedTuple):
-    """A participant whose centre is ahead of the ego's; the ego's frame goes straight on, whatever
-    the road does.
+    """Participant whose centre is ahead of the ego's, in the ego's straight frame.
 
     Numbers, or arrays of them over many cases.
 

@@ -61,7 +61,7 @@ class RunRow:
 
     @property
     def available(self) -> float | None:
-        """Points that its test point stands for; None without points."""
+        """Points of its test point; None without points."""
         return (
             self.test.share(self.point)
             if self.test is not None and self.point is not None
@@ -235,7 +235,7 @@ def _total(test: ProtocolTest, rows: Sequence[RunRow]) -> Total:
 
 
 def _digests(rows: Sequence[RunRow], settings: RunSettings) -> dict[str, str]:
-    """SHA-256 of all files that went in, by path; empty for one that is gone."""
+    """SHA-256 of all inputs, by path; empty for a missing file."""
     paths: dict[str, None] = {}
     for row in rows:
         scenario = Path(row.run["scenario"])

@@ -393,8 +393,8 @@ def _project(connection: Any, policy: CommandPolicy, start: str) -> None:
 
 @dataclass
 class FilmProcess:
-    """A process that plays points one after the other; it is started when first asked, and again
-    when it has died.
+    """Process that plays points in sequence; it starts with the first request, and again after a
+    crash.
 
     Threads may ask at the same time: the newest request is answered, the others are superseded.
     """

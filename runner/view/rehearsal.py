@@ -36,13 +36,13 @@ from xodr.reader import load as load_road
 from xosc.distributions.space import Selection
 
 ALL = 1000
-"""So many parameter sets of a file are rehearsed whatever their values are."""
+"""Number of parameter sets of a file that are rehearsed whatever their values are."""
 
 
 def rehearse_batch(
     jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1
 ) -> Generator[Outcome]:
-    """Load, resolve, compile and begin what is to be run; one outcome a file, the gravest of its
+    """Load, resolve, compile and begin files; one outcome a file, the gravest of its
     sets.
 
     What a set can break is decided by one of its values or by two that meet, as a rule. Of a file
@@ -311,7 +311,7 @@ def _remedy(file: TriagedFile) -> str:
 
 
 def as_json(files: Sequence[TriagedFile]) -> str:
-    """An object with the tool, its version, and the files with all that is known of them."""
+    """Object with the tool, its version, and the files with their findings."""
     values = {"tool": "xosc-check", "version": version(), "files": [asdict(file) for file in files]}
     return json.dumps(values, indent=2, ensure_ascii=False) + "\n"
 

@@ -172,7 +172,7 @@ def _report_of(folders: list[Path], page: Path) -> str | None:
 
 
 def _show(results: list[RunResult]) -> list[Path]:
-    """One after the other in SUMO's window, which leaves no file."""
+    """Show runs in sequence in SUMO's window, which leaves no file."""
     from runner.view.replay.sumo_gui import show
 
     for result in results:

@@ -239,8 +239,7 @@ class CheckedDocument:
         return None
 
     def entry(self, reference: etree._Element) -> CatalogEntry | None:
-        """The catalogue entry that a CatalogReference stands for; None where its attributes are
-        missing or undecidable.
+        """Catalogue entry of a CatalogReference; None if its attributes are missing or undecidable.
 
         Raises:
             NoEntry: there is none, or more than one.
@@ -255,8 +254,7 @@ class CheckedDocument:
         return self.catalogs.find(local_name(holder), catalog, name)
 
     def resolvable_entry(self, reference: etree._Element) -> CatalogEntry | None:
-        """The catalogue entry that a CatalogReference stands for, None where there is not exactly
-        one."""
+        """Catalogue entry of a CatalogReference; None unless there is exactly one."""
         try:
             return self.entry(reference)
         except NoEntry:
@@ -271,7 +269,7 @@ class CheckedDocument:
 
     @cached_property
     def road_network(self) -> road_references.ReferencedRoads | None:
-        """The roads of the LogicFile, where there is one that can be read."""
+        """Roads of the LogicFile, if it is readable."""
         for element in self.elements("LogicFile"):
             name = self.value(element, "filepath")
             path = self.road_file(name) if name else None

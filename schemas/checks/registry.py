@@ -1,4 +1,4 @@
-"""The registry of rules: each is a function that looks at a document and yields what it finds.
+"""Registry of rules: each is a function that yields the findings in a document.
 
 A rule has the uid under which ASAM publishes it (Annex C of OpenSCENARIO XML, and the checker
 bundles for both standards), or one of this project (`xosc.toolchain:…`) in the same grammar:

@@ -204,8 +204,7 @@ def unknown(root: etree._Element) -> Iterator[Unknown]:
 
 
 def violations(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
-    """Elements of a road network that are not as the table has them, in document order, and what is
-    expected."""
+    """Elements of a road network that contradict the table, in document order, with expectations."""
     for element, _, declared, children in _described(root):
         yield from ((element, message) for message in _attributes(element, declared))
         names = {name for _, name in children}

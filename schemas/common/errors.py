@@ -186,7 +186,7 @@ def blame(error: BaseException, module: str) -> str:
 
 
 def _file_of(module: str) -> str | None:
-    """The file of a module, also of one that could not be imported."""
+    """File of a module, also after a failed import."""
     try:
         found = sys.modules[module].__spec__ if module in sys.modules else find_spec(module)
     except (ImportError, ValueError):
@@ -195,7 +195,7 @@ def _file_of(module: str) -> str | None:
 
 
 def describe(error: Exception) -> tuple[str, int]:
-    """An error in one line, and the exit code that stands for it."""
+    """Error in one line, and its exit code."""
     if isinstance(error, ToolchainError):
         message, code = str(error), error.exit_code
     elif _lacks_memory(error):

@@ -310,7 +310,7 @@ class _WorkingFolder:
         return found
 
     def take(self, module: str) -> None:
-        """Find what a module that was read from the folder imports from there."""
+        """Find imports of a module that was read from the folder."""
         self._found.add(module.partition(".")[0])
 
 

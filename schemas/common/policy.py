@@ -290,7 +290,7 @@ def of_command(
 
 
 def _root(path: Path) -> Path:
-    """The folder that a named file or folder stands for."""
+    """Folder of a named file or folder."""
     real, working = Path(os.path.realpath(path)), Path(os.path.realpath(os.curdir))
     if real.is_dir():
         return real

@@ -305,7 +305,7 @@ class _Bounded:
         self._file, self._left, self._path = file, size, path
 
     def read(self, count: int) -> bytes:
-        """So many bytes."""
+        """A number of bytes."""
         if count > self._left:
             raise InvalidFile("the file ends within a record: it is truncated", path=self._path)
         self._left -= count

@@ -45,7 +45,8 @@ def posed(
     timestep: float = RunSettings.timestep,
     free: Sequence[str] = (),
 ) -> Iterator[Posed]:
-    """Pose the problem of a logical scenario, or of a variation file, as the product does; the reward is the published one.
+    """Pose the problem of a logical scenario, or of a variation file, as the product does; the
+    reward is the published one.
 
     Args:
         sut: name of the system under test.

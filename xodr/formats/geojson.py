@@ -1,4 +1,5 @@
-"""GeoJSON of a map for geographic information systems: lanes as areas, borders with their marks, centre lines, signals.
+"""GeoJSON of a map for geographic information systems: lanes as areas, borders with their marks,
+centre lines, signals.
 
 Source: RFC 7946. Coordinates are longitude, latitude (WGS 84) and height where the map has a
 projection, else those of the map in metres, which `properties.coordinates` of the collection says.

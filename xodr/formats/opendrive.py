@@ -1,4 +1,5 @@
-"""OpenDRIVE from the lanes of a map, by way of lanelets: roads of neighbouring lanes, junctions, lights, speed limits.
+"""OpenDRIVE from the lanes of a map, by way of lanelets: roads of neighbouring lanes, junctions,
+lights, speed limits.
 
 Elevation and superelevation of a road are those of its outer borders. All lanes are right-hand
 lanes of roads that run in the direction of traffic.
@@ -27,7 +28,8 @@ from xodr.model.geometry import Cubic, Profile
 _TOLERANCE = 0.02
 """Largest distance (m) of borders from those of the lanes, but for the ends of roads."""
 _SHORTEST = 0.3
-"""Lanes shorter than this (m) are ways without a length between others, which are linked directly."""
+"""Lanes shorter than this (m) are ways without a length between others, which are linked directly.
+"""
 _NARROWEST = 0.1
 """Lanes nowhere wider than this (m) are left out."""
 _BESIDE = 0.05
@@ -36,7 +38,8 @@ _STEP, _HALVINGS = 16.0, 6
 """Distance (m) between the places of a road at which its heights are taken, and how often it is
 halved where that is too far."""
 _CLOSE, _WEIGHTS = 0.01, np.array([[1.0], [5.0]])
-"""Largest distance (m) of elevation and superelevation from heights between these places; a roll counts 5 m beside."""
+"""Largest distance (m) of elevation and superelevation from heights between these places; a roll
+counts 5 m beside."""
 _KERBED = {"sidewalk", "walking", "curb"}
 """Types of lanes that lie over the road's surface, perhaps."""
 _LEVEL = 1e-3
@@ -134,7 +137,8 @@ class _LaneBorders:
         return t, heights_on(np.array(points), lines)
 
     def surface(self, stations: FloatArray) -> FloatArray:
-        """Height (m) and roll (rad) of the road at places s, (2, n), by its outer borders without kerbed lanes."""
+        """Height (m) and roll (rad) of the road at places s, (2, n), by its outer borders without
+        kerbed lanes."""
         (left, high), (right, low) = (
             self.at(self._first, 0, stations), self.at(self._last, 1, stations)
         )  # fmt: skip
@@ -142,7 +146,8 @@ class _LaneBorders:
         return np.array([high - slope * left, np.arcsin(np.clip(slope, -1.0, 1.0))])
 
     def kerbed(self, stations: FloatArray, surface: FloatArray) -> Iterator[tuple[int, LaneDesign]]:
-        """Each lane with the heights of its borders over the surface, where these are no part of it."""
+        """Each lane with the heights of its borders over the surface, where these are no part of
+        it."""
         level, roll = surface
         for number, lane in self._lanes.items():
             over = []
@@ -159,7 +164,8 @@ def _values(cubics: Sequence[Cubic], stations: FloatArray) -> FloatArray:
 
 
 def _profile(stations: FloatArray, values: FloatArray) -> tuple[Cubic, ...]:
-    """Piecewise cubics through values that overshoot nowhere; one number where they are all the same."""
+    """Piecewise cubics through values that overshoot nowhere; one number where they are all the
+    same."""
     if np.ptp(values) < 1e-6:
         return (Cubic(0.0, float(values[0]), 0.0, 0.0, 0.0),)
     d, c, b, a = PchipInterpolator(stations, values).c

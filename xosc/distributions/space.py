@@ -30,14 +30,14 @@ from xosc.document.node import Node
 from xosc.resolve.parameters import Assignment, ParameterScope
 
 MAX_REJECTIONS = 10_000
-"""So many samples in a row outside the constraints end the search for one inside."""
+"""Number of samples in a row outside the constraints end the search for one inside."""
 
 MAX_EXCLUDED = 20_000
-"""So many variations in a row outside the constraints (a few seconds) end an enumeration, which
+"""Number of variations in a row outside the constraints (a few seconds) end an enumeration, which
 could go on for years."""
 
 _REMEMBERED = 10_000
-"""So many answers on values are kept."""
+"""Number of answers on values that are kept."""
 
 Variation = tuple[Path, dict[str, str]]
 """A scenario and values of its parameters."""

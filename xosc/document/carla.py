@@ -60,7 +60,7 @@ def is_mirrored(scenario: Node) -> bool:
 
 
 def to_standard(scenario: Node) -> list[Remark]:
-    """Work out what a scenario for CARLA says otherwise, in place; attributes have to be literals.
+    """Translate the conventions of a scenario for CARLA, in place; attributes have to be literals.
 
     Returns:
         What was assumed.

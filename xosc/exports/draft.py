@@ -172,7 +172,7 @@ DEFAULTS = ExportSettings()
 
 
 class Draft:
-    """Files by name, relative to an output folder, and what is to be said of them.
+    """Files by name, relative to an output folder, and remarks on them.
 
     Args:
         folder: it is written into.

@@ -129,7 +129,7 @@ def _recorded(row: Json, played: Ran) -> Json:
 
 
 def _search(search: Searched, of: Round) -> Json:
-    """A search with its edge cases, and how many failures it has."""
+    """A search with its edge cases and the number of its failures."""
     values = {name: value for name, value in asdict(search).items() if name not in _NOT_PLOTTED}
     return {
         **values,

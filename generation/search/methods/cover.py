@@ -1,4 +1,5 @@
-"""Coverage search: draws of the density, runs where no run was, and runs that cover the probability that is expected to fail.
+"""Coverage search: draws of the density, runs where no run was, and runs that cover the probability
+that is expected to fail.
 
 A guided run is chosen by what it is expected to reveal: its own predicted failure, times the
 predicted failures among draws of the density around it that are near no known failure. Known
@@ -154,7 +155,8 @@ class _Field:
         of: IntArray | None = None,
         shares: IntArray | None = None,
     ) -> None:
-        """Choose n candidates, or fewer, each the one that is expected to reveal most beside those before it.
+        """Choose n candidates, or fewer, each the one that is expected to reveal most beside those
+        before it.
 
         Args:
             worth: predicted failure (m,) of each; none with 0 is chosen.
@@ -251,7 +253,8 @@ class _Search:
         return self._calls.history
 
     def _spend(self, theta: FloatArray) -> None:
-        """Run points (n, d), and judge those that fail: failures that nothing prevents are set aside."""
+        """Run points (n, d), and judge those that fail: failures that nothing prevents are set
+        aside."""
         found = self._calls(theta)
         failing = found.outcomes.collision & found.outcomes.executed
         prevented = self._calls.prevented(found)
@@ -269,7 +272,8 @@ class _Search:
         return np.asarray(np.unique(labels, return_inverse=True)[1], np.int64)
 
     def _guided(self, n: int) -> FloatArray:
-        """Points (n, d), or fewer: each part of them is chosen among what those before it have left."""
+        """Points (n, d), or fewer: each part of them is chosen among what those before it have
+        left."""
         theta = self._candidates()
         # Before any run: what is not foreseeable can be no edge case, whatever comes of it.
         theta = theta[self._prior.foreseeable(theta)]
@@ -293,8 +297,8 @@ class _Search:
         return theta[ground.chosen]
 
     def _spread(self, ground: _Field, theta: FloatArray, n: int) -> None:
-        """Choose candidates that together cover most traffic around which nothing was run: half of them by draws alone, half
-        where challenges are predicted, by the power of their rank."""
+        """Choose candidates that together cover most traffic around which nothing was run: half of
+        them by draws alone, half where challenges are predicted, by the power of their rank."""
         known = len(self._traffic)
         rows = self._frame.coordinates(np.concatenate([self._traffic, theta]))
         challenge = self._process.predicted(rows)[0]
@@ -305,7 +309,8 @@ class _Search:
             ground.choose(weight[known:], np.where(free, weight[:known], 0.0), part)
 
     def _shares(self, n: int) -> IntArray:
-        """Runs of each region, and of what is near none (last), of n: as many each, the small regions first."""
+        """Runs of each region, and of what is near none (last), of n: as many each, the small
+        regions first."""
         sizes = np.bincount(self._regions, minlength=0)
         elsewhere = max(int(np.ceil(n / (len(sizes) + 1))), round(self._settings.elsewhere * n))
         found = np.full(len(sizes) + 1, (n - elsewhere) // max(len(sizes), 1), np.int64)
@@ -314,7 +319,8 @@ class _Search:
         return found
 
     def _region_of(self, unit: FloatArray) -> IntArray:
-        """Region (n,) of the known failures near points (n, k); the number of regions where there are none."""
+        """Region (n,) of the known failures near points (n, k); the number of regions where there
+        are none."""
         found = np.full(len(unit), self._regions.max(initial=-1) + 1)
         if len(self._failures) and len(unit):
             far, nearest = map(np.asarray, KDTree(self._unit(self._failures)).query(unit))
@@ -323,7 +329,8 @@ class _Search:
         return found
 
     def _candidates(self) -> FloatArray:
-        """Draws of the density, and steps from failures that are known or that plays have (m, d), as many from each region."""
+        """Draws of the density, and steps from failures that are known or that plays have (m, d),
+        as many from each region."""
         drawn = self._prior.sample(self._settings.drawn, self._generator)
         parents, sizes = self._failures, np.asarray(np.bincount(self._regions))
         chances = np.take(1.0 / np.maximum(sizes, 1), self._regions)
@@ -342,7 +349,8 @@ class _Search:
         return np.concatenate([drawn, steps])
 
     def _verdicts(self, plays: Plays, theta: FloatArray) -> FloatArray:
-        """Failures (n,) of plays at points (n, d): 1 where a careful driver prevents them, less where none does."""
+        """Failures (n,) of plays at points (n, d): 1 where a careful driver prevents them, less
+        where none does."""
         outcomes = plays(theta)
         failing = outcomes.collision & outcomes.executed
         worth = np.where(failing, self._settings.unpreventable, 0.0)
@@ -361,7 +369,8 @@ class _Search:
 _HELD = 600
 """Runs that the Gaussian process holds: a round's cost does not grow with the runs"""
 _ALONE = 1e-9
-"""Counts for a candidate whose surroundings are covered: the likeliest failure is chosen where nothing is left to cover"""
+"""Counts for a candidate whose surroundings are covered: the likeliest failure is chosen where
+nothing is left to cover"""
 _SURE = 0.9
 """Share of its surroundings that a guided run is taken to cover at most"""
 _POWER = 4.0

@@ -15,7 +15,8 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.terminal.text import many
 
 ALIKE, _SEVERAL = 0.1, 3
-"""Distance in the unit cube, root mean square, within which so many judged failures of one verdict settle that of others"""
+"""Distance in the unit cube, root mean square, within which so many judged failures of one verdict
+settle that of others"""
 _APART, _ROUNDS = 0.05, 5
 """Least distance of failures that are judged at once, and how often; at last all that are left"""
 
@@ -108,7 +109,8 @@ class Judging:
         return self._drivers(theta, sut)
 
     def _nearest(self, unit: FloatArray) -> BoolArray:
-        """Verdicts (n,) of the judged points that are nearest to points (n, k); prevented where nothing is judged."""
+        """Verdicts (n,) of the judged points that are nearest to points (n, k); prevented where
+        nothing is judged."""
         if not len(self._unit):
             return np.ones(len(unit), bool)
         return self._verdicts[cdist(unit, self._unit).argmin(axis=1)]

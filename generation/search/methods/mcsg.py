@@ -137,7 +137,7 @@ State = tuple[Tensor, Tensor]
 
 
 class Bins(NamedTuple):
-    """Bins of edits, as many for each parameter.
+    """Bins of edits, the same number for each parameter.
 
     Attributes:
         low, high: outer edges (d,). number: of bins.
@@ -185,8 +185,7 @@ class Policy(nn.Module):
         )
 
     def forward(self, step: int, observation: Tensor, state: State | None) -> tuple[Tensor, State]:
-        """Logits (n, bins) of a parameter's edit, and what is remembered, given the observation (n,
-        2d)."""
+        """Logits (n, bins) of a parameter's edit, and the new state, given the observation (n, 2d)."""
         features, state = self.lstm(observation[None], state)
         return features[0] @ self.weight[step].T + self.bias[step], state
 
@@ -238,8 +237,8 @@ class Learner:
         return edits.theta
 
     def learn(self, rewards: FloatArray) -> None:
-        """One step of REINFORCE (R. J. Williams, Machine Learning 8, 1992) with standardised
-        advantages, by the rewards (n,) of what was proposed last."""
+        """Make one step of REINFORCE (R. J. Williams, Machine Learning 8, 1992) with standardised
+        advantages, by the rewards (n,) of the last proposals."""
         self._rewards.append(rewards)
         advantage = torch.from_numpy(self._baseline.advantage(rewards)).float()
         # Gradient ascent on the expected reward: E[A ∇ log π], by automatic differentiation of this
@@ -328,7 +327,7 @@ class Starts(Protocol):
 
 
 class EliteStarts:
-    """Real scenarios (or what was found before) at first, then the elite of all episodes so far.
+    """Starts from real scenarios (or earlier finds) at first, then from the elite of all episodes.
 
     The elite is chosen by criticality − w·t·max((NLL − Q99)/IQR, 0), t the share of the budget that
     is spent. The reward's realism term is the same far from traffic as a little outside; this one
@@ -365,7 +364,7 @@ class EliteStarts:
 
 
 class RealStarts:
-    """Real scenarios, or what was found before; no episode is carried on."""
+    """Starts from real scenarios or earlier finds; episodes are not carried on."""
 
     def __init__(self, problem: SearchProblem, settings: McsgSettings) -> None:
         self._starts = problem.starts

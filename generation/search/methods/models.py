@@ -60,13 +60,16 @@ class Frame:
 
 
 _FAR, _HARD = 5.0, 8.0
-"""Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""
+"""Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own
+"""
 _CLEAR, _BRAKED = 0.1, 0.8
-"""Weights of the margins: vehicles that pass each other in two lanes are close, and far from a collision"""
+"""Weights of the margins: vehicles that pass each other in two lanes are close, and far from a
+collision"""
 
 
 def nearness(outcomes: Outcomes) -> FloatArray:
-    """By both margins, least clearance and greatest DRAC (n,), 0 to below 1; 0 where no run took place."""
+    """By both margins, least clearance and greatest DRAC (n,), 0 to below 1; 0 where no run took
+    place."""
     near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(
         outcomes.max_drac / _HARD, 1.0
     )
@@ -88,7 +91,8 @@ _NEAR = 0.1
 
 
 def likely(outcomes: Outcomes) -> FloatArray:
-    """1 for a failure, otherwise a small share of nearness (n,): it leads to the first failures, and matters little afterwards."""
+    """1 for a failure, otherwise a small share of nearness (n,): it leads to the first failures,
+    and matters little afterwards."""
     # Near misses count at most `_NEAR`: a region of near misses must not outweigh failures.
     failing = outcomes.collision & outcomes.executed
     return np.where(failing, 1.0, _NEAR * nearness(outcomes))
@@ -138,7 +142,8 @@ class Forest:
 
 
 class GaussianProcess:
-    """Gaussian process of scores at rows x (n, k) of coordinates: a failure has 1, a near miss less.
+    """Gaussian process of scores at rows x (n, k) of coordinates: a failure has 1, a near miss
+    less.
 
     It has one length for each coordinate; they are fitted anew when the runs have doubled.
 
@@ -183,7 +188,8 @@ class GaussianProcess:
         )
 
     def _conditioned(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """The runs that it holds, the Cholesky factor of their covariance, their weights, and the mean score."""
+        """The runs that it holds, the Cholesky factor of their covariance, their weights, and the
+        mean score."""
         x, values = np.concatenate(self._x), np.concatenate(self._scores)
         # Lengths are fitted O(log n) times in a search, not in each round.
         if len(x) >= 2 * self._at:
@@ -220,7 +226,8 @@ _FITTED = 250
 
 
 def _learnt(failing: BoolArray, most: int) -> IntArray:
-    """Indices of the runs (n,) that a model learns from: all, or evenly chosen ones of failures and of others."""
+    """Indices of the runs (n,) that a model learns from: all, or evenly chosen ones of failures and
+    of others."""
     if len(failing) <= most:
         return np.arange(len(failing))
     groups = [np.flatnonzero(failing), np.flatnonzero(~failing)]
@@ -238,6 +245,7 @@ _MOST = 10_000
 
 
 def differences(x: FloatArray) -> FloatArray:
-    """Coordinates (n, k) and the differences of each two: a tree splits by one value, a failure depends on relative speeds."""
+    """Coordinates (n, k) and the differences of each two: a tree splits by one value, a failure
+    depends on relative speeds."""
     one, other = np.triu_indices(x.shape[1], 1)
     return np.hstack([x, x[:, one] - x[:, other]])

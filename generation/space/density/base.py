@@ -150,8 +150,8 @@ class Density(ABC):
         """Draws (n, d)."""
 
     def again(self, rows: int) -> Self:
-        """A model to be fitted on a part of the samples, of so many rows; what takes long to choose
-        was chosen on all of them."""
+        """Unfitted model for a part of the samples, with that many rows; slow choices are taken
+        over from the fit on all samples."""
         return copy(self)
 
     @property

@@ -128,8 +128,8 @@ class Continuous:
 
 @dataclass(frozen=True)
 class Choices:
-    """Some values with their weights; a density in that each value has the cell of what is nearest
-    to it."""
+    """Discrete values with weights; as a density each value has the cell of the points nearest to
+    it."""
 
     choices: tuple[float, ...]
     weights: tuple[float, ...]

@@ -138,10 +138,11 @@ class Prior(ABC):
 
     @abstractmethod
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
-        """Draws (n, d), of which some may not be `possible`."""
+        """Draws (n, d); some may not be `possible`."""
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
-        """Draws (n, d), all `possible`: what is not is drawn again, nothing is moved onto a limit.
+        """Draws (n, d), all `possible`: impossible ones are drawn again, none is moved onto a
+        limit.
 
         Raises:
             UsageError: nearly nothing that it draws is possible.
@@ -191,7 +192,7 @@ def until_possible(
     n: int,
     generator: np.random.Generator,
 ) -> FloatArray:
-    """So many possible draws (n, d).
+    """Draw until n possible rows (n, d) are found.
 
     Raises:
         UsageError: nearly no draw is possible.
@@ -215,7 +216,7 @@ _RESAMPLED = 5
 
 @dataclass(frozen=True)
 class Box:
-    """Names, least and greatest values of what is searched, and the values of what is pinned."""
+    """Names, least and greatest values of searched parameters, and values of pinned ones."""
 
     names: tuple[str, ...]
     low: FloatArray
@@ -299,7 +300,7 @@ class RecordedPrior(Prior):
 
     @cached_property
     def _density(self) -> Density | Components:
-        """Of the logarithms of what is searched, given what is pinned."""
+        """Density of the logarithms of searched parameters, given the pinned values."""
         whole = fitted(self._model, self._log_rows, self._recordings)
         return self._conditioned(whole) if self._given else whole
 
@@ -319,7 +320,7 @@ class RecordedPrior(Prior):
         return list(range(len(self.searched), len(self.searched) + len(self._given)))
 
     def _by_name(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """Values (n,) of what is searched, and pinned, by parameter."""
+        """Values (n,) of searched and pinned parameters, by name."""
         pinned = {name: np.full(len(theta), value) for name, value in self._pinned.items()}
         return pinned | dict(zip(self.names, theta.T, strict=True))
 
@@ -331,12 +332,12 @@ class RecordedPrior(Prior):
         return found
 
     def _logs(self, theta: FloatArray) -> FloatArray:
-        """Logarithms of what is searched."""
+        """Logarithms of searched parameters."""
         beyond = theta[:, self.columns(self.searched)] - self._least(self._by_name(theta))
         return np.log(np.maximum(beyond, np.finfo(float).tiny))
 
     def _raw(self, theta: FloatArray) -> FloatArray:
-        """log p over all that is positive, whether possible or not (n,)."""
+        """log p over all positive values, possible or not (n,)."""
         logs = self._logs(theta)
         # Change of variables: p(θ) = p(log θ) / θ, so minus the sum of the logs.
         return self._density.log_density(logs) - logs.sum(axis=1)
@@ -365,8 +366,8 @@ class RecordedPrior(Prior):
         return self.of_logs(self._density.sample(n, generator))
 
     def of_logs(self, logs: FloatArray) -> FloatArray:
-        """Rows (n, d), possible or not, of logarithms (n, k) of what is searched and no nuisance,
-        with nuisances as recorded."""
+        """Rows (n, d), possible or not, from logarithms (n, k) of searched parameters, with
+        recorded nuisances."""
         theta = np.empty((len(logs), len(self.names)))
         columns = self.columns(self.searched)
         theta[:, columns] = np.exp(logs)
@@ -424,7 +425,7 @@ class RecordedPrior(Prior):
 
     @cached_property
     def _standard(self) -> FloatArray:
-        """Standardised logarithms of what is searched, of all recorded units (m, k)."""
+        """Standardised logarithms of the searched parameters of all recorded units (m, k)."""
         found: FloatArray = self._log_rows[:, : len(self.searched)] / self._spread
         return found
 

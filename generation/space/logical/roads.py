@@ -123,7 +123,7 @@ class LaneId(NamedTuple):
 
 
 class Course(NamedTuple):
-    """A way of a vehicle: from a lane that leads to the junction to one that leads away from it."""
+    """Way of a vehicle, from a lane into the junction to a lane out of it."""
 
     origin: LaneId
     target: LaneId

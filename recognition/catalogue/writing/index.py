@@ -1,4 +1,4 @@
-"""Index of a catalogue as JSON, CSV and Parquet, and the report of what was left out."""
+"""Index of a catalogue as JSON, CSV and Parquet, and the report of exclusions."""
 
 from __future__ import annotations
 

@@ -244,7 +244,7 @@ def _acts(each: _Participant, path: Any, mode: str = "follow") -> tuple[list[Any
 
 
 def _capable(entry: Entry, track: Track) -> Any:
-    """The content of an entry with limits that allow what was recorded."""
+    """Content of an entry with limits that allow the recorded motion."""
     if entry.kind != "Vehicle":
         return entry.built
     built, columns = deepcopy(entry.built), track.columns

@@ -97,8 +97,8 @@ class Store:
 
 
 def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
-    """Write a file, unless there is one whose `digest` is neither that of the content nor the one
-    that it had before."""
+    """Write a file unless a person has edited it: its `digest` is neither that of the content nor
+    the earlier one."""
     with writing("this", path):
         found = path.read_bytes() if path.is_file() else None
         if found is not None and found != content and digest(found) != before:

@@ -416,7 +416,7 @@ def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
 
 
 class _Context(NamedTuple):
-    """A scenario being written, and where it comes from."""
+    """A scenario being written, with its recording and road."""
 
     material: Material
     road: str

@@ -123,7 +123,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
 
 def _has_phases(folder: Path) -> bool:
     """Whether phases of traffic lights were recorded at the place of a folder (k733 of
-    k733_2018-05-02), on whatever day."""
+    k733_2018-05-02), on any day."""
     place = folder.name.split("_")[0]
     return any(
         file.parent.name.split("_")[0] == place

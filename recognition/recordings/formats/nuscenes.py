@@ -371,7 +371,7 @@ def _box(recording: Recording) -> tuple[float, float, float, float]:
 def _lanes(
     document: Mapping[str, Any], path: Path, box: tuple[float, float, float, float]
 ) -> tuple[list[CentreLine], int]:
-    """Centre lines in a box, and how many are too short."""
+    """Centre lines in a box, and the number of lines that are too short."""
     west, east, south, north = box
     types = {
         str(one.get("token")): one.get("lane_type")

@@ -178,8 +178,7 @@ def _rows(
 
 
 def _limit(value: FloatArray, by: FloatArray, z: FloatArray, seen: Observations) -> None:
-    """Enter how far rows are beyond limits, as residuals 6 to 9, and the derivatives where they
-    are."""
+    """Enter excesses over limits as residuals 6 to 9, with their derivatives."""
     v, a, k, limits = z[:, V], z[:, A], z[:, K], seen.bounds
     one = np.ones(len(z))
     limited = (

@@ -278,7 +278,7 @@ def _fast(seen: Observations, stretch: tuple[int, int], speed: FloatArray) -> bo
 def _agreement(
     seen: Observations, stretch: tuple[int, int], speed: FloatArray, motion: FloatArray
 ) -> float:
-    """Way that goes where the recorded headings point, less that which goes the other way."""
+    """Way in the direction of the recorded headings, less the way against it."""
     own = slice(stretch[0], stretch[1] + 1)
     return float((speed[own] * np.cos(motion[own] - seen.h[own])).sum())
 

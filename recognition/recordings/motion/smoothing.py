@@ -236,7 +236,7 @@ def smoothed(
 
 
 def _check_step(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -> Check | None:
-    """Compare the speeds stated with those at which the centres move, whatever the headings do."""
+    """Compare the stated speeds with those of the centres, independent of headings."""
     x, y = centres(rows, who, columns)
     ahead, here = max(round(1.0 / rows.step), 1), np.arange(len(rows))
     there = np.minimum(here + ahead, rows.last)
@@ -362,7 +362,7 @@ def _tell_hard(
 def states(
     rows: Rows, who: Sequence[TrackParticipant], seen: Observations, columns: Columns
 ) -> Columns:
-    """The smoothed columns; what is neither vehicle nor pedestrian stays as it is.
+    """Smoothed columns; those of objects that are neither vehicle nor pedestrian are not changed.
 
     Raises:
         InvalidFile: the motion can't be computed.

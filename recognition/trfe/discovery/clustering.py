@@ -146,7 +146,7 @@ class Projection(nn.Module):
         nn.init.zeros_(self.outer.bias)
 
     def forward(self, features: Tensor) -> Tensor:
-        """Features (n, d) plus what was learnt to add."""
+        """Features (n, d) plus the learnt residual."""
         return features + self.outer(functional.gelu(self.inner(features)))
 
 
@@ -208,13 +208,12 @@ def cluster(
 
 
 def random_head(features: Features, candidates: int) -> nn.Linear:
-    """An untrained novel head for so many candidates; those that are not needed die out."""
+    """Untrained novel head for a number of candidates; superfluous ones die out."""
     return nn.Linear(features.shape[1], candidates)
 
 
 def k_means_head(features: Features, candidates: int, seed: int) -> nn.Linear:
-    """A novel head that starts as the nearest-centre classifier of k-means clusters, as many as
-    candidates.
+    """Novel head that starts as the nearest-centre classifier of k-means clusters, one a candidate.
 
     Of fewer samples than candidates it is a `random_head`.
     """
@@ -268,8 +267,8 @@ def _epoch(
     config: Clustering,
     augment: Augment,
 ) -> FloatArray:
-    """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce,
-    L_clu, L_con."""
+    """Make one pass over the unknown samples and an equal number of labelled ones; return mean
+    losses L_ce, L_clu, L_con."""
     total = torch.zeros(3)
     for batch in torch.randperm(len(data.samples)).split(config.batch):
         count = len(batch)

@@ -160,7 +160,7 @@ class MaskedMotion(nn.Module):
 
 
 class TimeShift(nn.Module):
-    """By how many frames a window was shifted in time: cross-entropy."""
+    """Task: predict the number of frames by which a window was shifted; cross-entropy."""
 
     def __init__(self, encoder: TokenEncoder) -> None:
         super().__init__()

@@ -223,7 +223,8 @@ class Discovery(NamedTuple):
 
 
 def discover(known: KnownClasses, buffer: Buffer, config: Config, steps: Steps) -> Discovery:
-    """Sift the buffer, cluster what is kept and judge the clusters; the buffer stays as it is.
+    """Screen the buffer, cluster the kept samples and judge the clusters; the buffer is not
+    changed.
 
     Raises:
         UsageError: the buffer is empty, or holds no more samples than a sample must have

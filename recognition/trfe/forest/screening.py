@@ -92,7 +92,7 @@ class Screening(ABC):
         return np.where(accepted, self.classes[np.asarray(votes).argmax(axis=1)], UNKNOWN)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the instance holds, as arrays; `restore` takes it back."""
+        """State of the instance as arrays, for `restore`."""
         return {name: np.asarray(value) for name, value in vars(self).items()}
 
     def restore(self, state: State) -> Self:

@@ -73,8 +73,8 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Int
 
 
 def drawn_of_each(labels: IntArray, most: int | None, generator: np.random.Generator) -> IntArray:
-    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in
-    the order drawn.
+    """Draw indices of samples with labels (n,), at most `most` a class; class by class, in the
+    order drawn.
 
     Of the background there may be three times as many.
     """
@@ -223,7 +223,7 @@ class PrincipalAxes(NamedTuple):
     def fit(
         cls, prototypes: Sequence[Prototypes], parts: Sequence[Features], components: int
     ) -> Self:
-        """The first `components` principal axes of samples, or as many as there are.
+        """Fit the first `components` principal axes of samples, or all if there are fewer.
 
         Args:
             prototypes, parts: of the known classes and features (n, .) of the samples, for each

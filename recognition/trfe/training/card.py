@@ -286,7 +286,7 @@ def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
 
 
 def decision(model: TRFE) -> str:
-    """By what a model takes windows for a class, or for unknown."""
+    """Rule by which a model takes windows for a class, or for unknown."""
     known = model.known
     trees, features = (
         len(known.forest.trees.estimators_),

@@ -157,7 +157,7 @@ def _names(folders: Sequence[Path]) -> str:
 
 @contextmanager
 def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
-    """A bar on standard error for so many epochs, where that is a terminal."""
+    """Progress bar of epochs on standard error, if that is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return

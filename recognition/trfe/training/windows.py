@@ -41,8 +41,7 @@ Inputs = NDArray[Any]
 
 
 def visible(recording: Recording, moments: Moments, view: View) -> BoolArray:
-    """Whether the ego's track covers what a view needs of it about each moment: only such moments
-    can be drawn."""
+    """Whether the ego's track covers the view about each moment, so that it can be drawn."""
     times = view.offsets if isinstance(view, Grid) else (-0.5 * view.core, 0.0, 0.5 * view.core)
     return covered(recording, moments, times)
 
@@ -540,7 +539,7 @@ def _moments(
 
 
 def _thinned(found: Sequence[TrainingMoment], most: int | None) -> list[TrainingMoment]:
-    """At most so many moments of each class, drawn, in their order."""
+    """Drawn moments, at most a number of each class, in their order."""
     labels = np.array([one.label for one in found], np.int64)
     return [
         found[number]
@@ -642,7 +641,7 @@ def _units(windows: Windows, unit: Unit) -> list[IntArray]:
 
 
 def _deal(held: IntArray, shares: FloatArray, generator: np.random.Generator) -> IntArray:
-    """Part of each unit, given how many windows (units, classes) it holds.
+    """Part of each unit, given its numbers of windows (units, classes).
 
     The class with the fewest units left is dealt next, its largest unit to a part that has none of
     it, else to the part that lacks most windows of it.

@@ -1,4 +1,4 @@
-"""Outcomes of runs: of a result, and derived again from stored results where a batch goes on
+"""Outcomes of runs: from a result, or derived again from stored results where a batch is resumed
 without a seal."""
 
 from __future__ import annotations

@@ -92,8 +92,8 @@ def criteria(verdict: Verdict) -> list[dict[str, Any]]:
 
 
 def evidence(verdict: Verdict) -> list[dict[str, Any]]:
-    """Evidence as JSON-able values: name, value, planned (null where nothing was), unit, least,
-    texts on what is missing."""
+    """Evidence as JSON-able values: name, value, planned (null without a plan), unit, least, texts
+    on deficits."""
     return [{**row._asdict(), "texts": list(row.texts)} for row in verdict.evidence]
 
 

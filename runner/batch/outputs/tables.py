@@ -159,7 +159,7 @@ def _groups(track: Track, number: int, recording: Recording) -> list[str]:
 
 
 def _turn(angle: float) -> float:
-    """An angle from 0 to 2π, as esmini writes them; what is all but 0 is 0."""
+    """Angle from 0 to 2π, as in esmini's files; rounding errors about 0 are 0."""
     return round(angle, 9) % math.tau
 
 
@@ -191,8 +191,8 @@ whether the ego hit the other"""
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write the table, whole or not at all, sorted by name: the same runs give the same content, in
-    whatever order they ended.
+    """Write the table, sorted by name, atomically: its content does not depend on the order in
+    which runs end.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null
     unless runs were repeated), state (`passed`, `failed`, `inconclusive`, `error`), verdict (null

@@ -16,7 +16,7 @@ WORK = "work.json"
 
 
 class WorkDone:
-    """Counts outcomes of a batch against what was planned.
+    """Counts outcomes of a batch against the planned number.
 
     Args:
         jobs: of the batch.

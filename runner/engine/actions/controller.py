@@ -144,8 +144,8 @@ class _Activation(BatchProcess):
 @action("OverrideControllerValueAction")
 @dataclass(frozen=True, slots=True)
 class OverrideControllerValueAction(PrivateAction):
-    """Overrides inputs of the entity's controller: what a system under test asks for is replaced by
-    them.
+    """Overrides inputs of the entity's controller: they replace the requests of a system under
+    test.
 
     Throttle, brake and parking brake (0 to 1 of the vehicle's `Performance`) act on the ego while a
     system under test drives it; clutch, gear and steering wheel are written to the event log and

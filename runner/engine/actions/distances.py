@@ -246,8 +246,8 @@ _LATERALLY_REACHED = 0.01
 @action("LateralDistanceAction")
 @dataclass(frozen=True, slots=True)
 class LateralDistanceAction(PrivateAction):
-    """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at
-    the action's start.
+    """Keeps a lateral distance to a reference entity; without `distance`, the distance at the
+    action's start.
 
     Where there is no road, it moves across the direction that it faces, which is that of the
     reference. Without DynamicConstraints the distance holds at once and rigidly; with them a
@@ -389,8 +389,8 @@ class _Sidestep(Running):
         return None if self._action.continuous else _apart(self._error(), _LATERALLY_REACHED)
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:
-        """Sideways step (m) of a controlled motion; like a driver, it sees where the reference is,
-        not what it is up to."""
+        """Sideways step (m) of a controlled motion, by the present place of the reference, without
+        prediction."""
         self._speed = controller.speed(error, self._speed, 0.0, dt)
         return self._speed * dt
 

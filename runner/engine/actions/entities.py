@@ -203,8 +203,7 @@ class ConnectTrailerAction(PrivateAction):
         return (self.trailer,)
 
     def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
-        """It has to have a hitch, and what is connected from the beginning and never disconnected
-        must not be in the way."""
+        """Require a hitch, and no trailer that is connected from the start and never disconnected."""
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
         if self.lasting:

@@ -353,7 +353,7 @@ class Pace:
 
 
 class _Waiting(Running):
-    """One actor whose trajectory begins later: it goes on as it did, and is put there at that time."""
+    """Actor whose trajectory begins later: it continues its motion, and is placed at that time."""
 
     def __init__(
         self, actor: Entity, run: Run, following: _Following, pace: Pace, node: Node

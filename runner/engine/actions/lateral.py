@@ -169,8 +169,8 @@ class LaneChangeAction(PrivateAction):
         return lane
 
     def _counted(self, actor: Entity, run: Run, origin: RoadPoint, steps: int) -> int | None:
-        """The lane of the actor's road that lies so many steps towards +t of the lane of an origin;
-        None without one."""
+        """Lane of the actor's road, a number of lanes towards +t of the lane of an origin; None if
+        there is none."""
         road, network = actor.road, run.roads.network
         assert road is not None and network is not None
         lane = origin.lane_id

@@ -462,7 +462,7 @@ class _Profile(Running):
 
     @property
     def pieces(self) -> Sequence[ProfilePiece]:
-        """Parts of constant jerk, the last of which has no end."""
+        """Pieces of constant jerk; the last one has no end."""
         return self._pieces
 
     def step(self, dt: float) -> bool:

@@ -248,8 +248,8 @@ class _Synchronisation(Running):
 
 
 def free_speed(speed: float, way: float, time: float, dt: float) -> float:
-    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), whatever the speed at
-    its end.
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), with a free speed at its
+    end.
 
     The acceleration is constant; where that would end in driving backwards, the entity stops before
     the target.

@@ -147,7 +147,7 @@ class _Source(_Running):
         return [place_on(run.roads.network, point.road_id, point.lane_id, point.s)]
 
     def act(self, dt: float) -> None:
-        """Bring in what is due."""
+        """Bring in due vehicles."""
         given = self.action.speed
         while self.made <= _due(self.action.rate, self.elapsed):
             if not self.spawner.spawn(
@@ -259,8 +259,8 @@ class _Population(_Running):
 
 @registry.action("TrafficSwarmAction")
 class TrafficSwarmAction(GlobalAction):
-    """Keeps traffic around an entity: in an ellipse that goes with it, but appearing outside a
-    circle around it.
+    """Keeps traffic around an entity: in an ellipse that moves with it, appearing outside a circle
+    around it.
 
     The ellipse's centre lies `offset` ahead of the entity, its major axis along the entity's.
     """
@@ -410,8 +410,7 @@ class _Area(_Population):
 
 @registry.action("TrafficStopAction")
 class TrafficStopAction(GlobalAction):
-    """Ends the traffic actions of its trafficName, or all where it has none; what is on the road
-    stays there."""
+    """Ends the traffic actions of its trafficName, or all without one; present vehicles stay."""
 
     def __init__(self, name: str | None) -> None:
         self.name = name

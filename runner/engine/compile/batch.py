@@ -1,5 +1,5 @@
-"""Many runs at once as elements see them: what a batch offers to conditions and actions, and
-actions in execution there.
+"""Many runs at once, as seen by elements: services for conditions and actions, and actions in
+execution.
 
 Arrays (n,) have an entry for each run that is left; `RunRows` follow when others are taken out.
 `runner.engine.storyboard.batch_run` is the batch.

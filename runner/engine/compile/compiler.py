@@ -82,7 +82,7 @@ _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A compiled scenario, for any number of runs one after the other.
+    """Compiled scenario, for any number of consecutive runs.
 
     Declarations, actions, conditions and positions stay as they are. The entities' states, the
     storyboard's states and the signals' states are a run's, and `reset` makes them what they were
@@ -162,7 +162,7 @@ class ScenarioContext:
         self.observers.append(observe)
 
     def finish(self) -> None:
-        """Do what was left for late."""
+        """Make the deferred checks."""
         for check in self._late:
             check()
 

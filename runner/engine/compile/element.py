@@ -287,8 +287,7 @@ class EntityCondition(ABC):
 
 
 class NearCondition(EntityCondition):
-    """An expression that holds only near to something: where that is far, it need not be looked at
-    for a while."""
+    """Expression that holds only near a target: far from it the expression may rest."""
 
     @abstractmethod
     def way(self, entity: Entity, run: Instant) -> float:
@@ -406,8 +405,7 @@ class PrivateAction(ABC):
 
     @property
     def places(self) -> bool:
-        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered
-        by it."""
+        """Whether it gives the actor a new place; initial actions are ordered by it."""
         return False
 
     @property
@@ -416,7 +414,7 @@ class PrivateAction(ABC):
         return False
 
     def claims(self) -> tuple[str, ...]:
-        """Control domains that this action takes over from whatever owns them (standard 7.5.1)."""
+        """Control domains that this action takes over from their owners (standard 7.5.1)."""
         return self.domains
 
     def references(self) -> Iterable[Entity]:

@@ -1,5 +1,4 @@
-"""The road network that a scenario runs on: its own, found where it is, or one that is made from
-the positions it uses."""
+"""Road network of a scenario: its own, a found one, or one that is made from the positions in use."""
 
 from __future__ import annotations
 

@@ -131,8 +131,7 @@ class Run(Instant, Protocol):
         ...
 
     def wake(self) -> None:
-        """Have conditions that rest looked at again: to be called by whatever changes state that
-        they may read.
+        """Wake resting conditions: to be called after each change of state that they may read.
 
         `note`, and all methods below that bring, take out or move entities, do so themselves.
         """
@@ -151,8 +150,8 @@ class Run(Instant, Protocol):
         ...
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes
-        straight ahead."""
+        """Place an entity at its present speed; from there it follows its lane, or drives straight
+        ahead."""
         ...
 
     def relocated(self, entity: Entity) -> None:
@@ -180,8 +179,7 @@ class Run(Instant, Protocol):
 
 
 class Rest(NamedTuple):
-    """Rest of an action that ends, or is under way when the run stops: its goal, what is reached
-    and what is left.
+    """Rest of an action at its end, or when the run stops: goal, reached value, and difference.
 
     Attributes:
         goal, reached: texts with units.
@@ -271,7 +269,7 @@ class StoryboardElement(Protocol):
 
     @property
     def seen_state(self) -> ElementState:
-        """The state at the beginning of the current step, which conditions look at."""
+        """State at the beginning of the current step, which conditions read."""
         ...
 
     @property

@@ -72,8 +72,8 @@ class Aim(NamedTuple):
 
 
 def _reference(entity: Entity, run: Instant, system: str) -> Angles | None:
-    """Orientation of a coordinate system where the entity is: roads and lanes point towards +s,
-    whatever the traffic does."""
+    """Orientation of a coordinate system at the entity: roads and lanes point towards +s, in any
+    direction of traffic."""
     if system == "world":
         return Angles(0.0, 0.0, 0.0)
     if system == "entity":

@@ -263,8 +263,7 @@ class VariableCondition(_NamedValueCondition):
 
 @condition("UserDefinedValueCondition")
 class UserDefinedValueCondition(_NamedValueCondition):
-    """Compares a value that comes from outside the scenario: as numbers where both are, else as
-    texts."""
+    """Compares a value from outside the scenario: as numbers if both are numbers, else as texts."""
 
     what = "user-defined value"
 

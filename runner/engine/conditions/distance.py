@@ -222,7 +222,7 @@ class PlaceRows(RunRows):
 
 
 class _Measured(EntityCondition):
-    """Compares what is measured from an entity to a target; false where that is undefined."""
+    """Compares a quantity between an entity and a target; false if the quantity is undefined."""
 
     what: ClassVar[str]
     """what it is called in descriptions"""

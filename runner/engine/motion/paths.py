@@ -142,7 +142,7 @@ def _stretch(a: Corner, b: Corner, start: float) -> _Stretch:
 
 
 class Segments:
-    """Lines, arcs and Euler spirals one after the other, at a constant height.
+    """Chain of lines, arcs and Euler spirals, at a constant height.
 
     Args:
         segments: one or more, each beginning where the one before ends.
@@ -234,7 +234,7 @@ class Sampled:
 
 
 class Chain:
-    """Paths one after the other, the last from an s of its own on.
+    """Chain of paths; the last one begins at an s of its own.
 
     Args:
         first: followed from its beginning to its end.
@@ -390,7 +390,7 @@ def approach(x: float, y: float, h: float, z: float, target: WorldPose) -> Sampl
 
 
 def tangent(path: Path, s: float) -> float:
-    """Heading (rad) of a path at s, whatever orientation it prescribes."""
+    """Heading (rad) of a path's tangent at s, independent of prescribed orientations."""
     s = min(max(s, 0.0), path.length)
     # A difference, since the orientation of a path may be prescribed and need not be its tangent.
     a, b = path.at(max(s - _SHORT, 0.0)), path.at(min(s + _SHORT, path.length))

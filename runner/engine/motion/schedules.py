@@ -305,8 +305,8 @@ def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: flo
 
 
 def delayed(schedule: Schedule, length: float, station: float, speed: float) -> Schedule:
-    """A schedule that begins with a way of some length (m), at a speed (m/s), and goes on from a
-    station (m) of the given one."""
+    """Schedule that begins with a way of some length (m), at a speed (m/s), and continues the given
+    one from a station (m)."""
     begin = schedule.time(station)
     index = max(bisect_right([piece.time for piece in schedule.pieces], begin) - 1, 0)
     joined = schedule.pieces[index]
@@ -337,7 +337,7 @@ def delayed(schedule: Schedule, length: float, station: float, speed: float) -> 
 
 
 def _mean(begin: float | None, end: float | None) -> float:
-    """Mean acceleration between vertices of which the second gives no speed."""
+    """Mean acceleration between two vertices, the second without a speed."""
     if begin is not None and end is not None:
         return 0.5 * (begin + end)
     return begin if begin is not None else 0.5 * (end or 0.0)

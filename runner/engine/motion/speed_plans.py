@@ -86,7 +86,7 @@ class _Curve(NamedTuple):
 def plan(
     speed: float, entries: Iterable[ProfileEntry], limits: Performance, smooth: bool
 ) -> list[ProfilePiece]:
-    """Plan a profile as pieces of constant jerk, the last of which has no end.
+    """Plan a profile as pieces of constant jerk; the last one has no end.
 
     A smooth profile begins and ends without acceleration, and reaches each target in its time where
     that is possible for all of them. Where it is not, the corners of the straight profile are
@@ -127,7 +127,7 @@ def _inverse(rate: float) -> float:
 def _segments(
     speed: float, entries: Iterable[ProfileEntry], limits: Performance, rates: _Rates
 ) -> list[_Segment]:
-    """The changes between the targets; one that is impossible ends the profile."""
+    """Changes between the targets; an impossible one ends the profile."""
     segments: list[_Segment] = []
     for entry in entries:
         target = min(max(entry.speed, -limits.max_speed), limits.max_speed)
@@ -350,7 +350,7 @@ def _rounded(segments: list[_Segment], rates: _Rates) -> list[ProfilePiece] | No
 
 
 def _corners(segments: list[_Segment], late: float) -> list[float]:
-    """Times (s) of the corners of the straight profile, whose first line comes late (s)."""
+    """Times (s) of the corners of the straight profile, with its first line delayed (s)."""
     corners, time = [late], 0.0
     for index, segment in enumerate(segments):
         time += segment.duration

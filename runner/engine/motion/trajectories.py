@@ -210,7 +210,7 @@ class _Bend(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _bent(x: float, y: float, z: float, h: float, bends: tuple[_Bend, ...]) -> Segments:
-    """Pieces of clothoids one after the other, from x, y (m) and heading h (rad)."""
+    """Chain of pieces of clothoids from x, y (m) and heading h (rad)."""
     segments: list[PlanElement] = []
     for bend in bends:
         start = Start(x, y, h + bend.turn, bend.length)
@@ -265,8 +265,8 @@ def _bent_at(node: Node, place: Placement, bends: tuple[_Bend, ...]) -> Segments
 
 
 class ClothoidSplineShape(TrajectoryShape):
-    """Clothoids one after the other; a segment with a start position begins there, the others where
-    the last one ended.
+    """Chain of clothoids; a segment with a start position begins there, the others at the end of
+    the one before.
 
     Without a start position the first segment begins where the entity is that follows it.
     """

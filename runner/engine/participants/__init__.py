@@ -1,2 +1,1 @@
-"""Participants: what a scenario declares about them, the state they are in, their boxes and
-trailers."""
+"""Participants: declarations, states, boxes and trailers."""

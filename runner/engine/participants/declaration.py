@@ -98,7 +98,7 @@ class Declaration:
 
 @dataclass(slots=True, eq=False)
 class EntityState:
-    """Whether a participant exists, where it is, how it moves, and what can be seen of it.
+    """State of a participant: existence, place, motion, and visible properties.
 
     Poses are those of the OpenSCENARIO reference point (vehicles: rear axle centre on the ground),
     in the world frame of the road network: x, y, z in m; h mathematical, pitch, roll in rad.

@@ -95,7 +95,7 @@ class Guide(Protocol):
         ...
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
-        """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
+        """Whether one of the lanes reached at a road's end continues the route."""
         ...
 
     def enter(self, road_id: str, forward: bool) -> None:

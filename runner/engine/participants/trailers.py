@@ -89,7 +89,7 @@ def _hitch_point(tractor: Entity) -> tuple[float, float]:
 
 
 def _pulled(tractor: Entity, trailer: Entity) -> float:
-    """Heading (rad) of a trailer whose coupler goes straight to where the hitch is now."""
+    """Heading (rad) of a trailer whose coupler moves straight to the hitch."""
     reach = trailer.declared.coupler or 0.0
     x, y = _hitch_point(tractor)
     dx, dy = (

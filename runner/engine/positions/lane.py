@@ -43,8 +43,7 @@ _TOLERANCE = 1e-3
 
 
 def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
-    """A placement that faces the direction of the lane's traffic, unless the orientation says
-    otherwise."""
+    """Placement that faces the direction of the lane's traffic, unless an orientation is given."""
     road = network.road_of(point)
     h = lane_heading(road, point)
     if point.lane_id and road.direction(point.lane_id, point.s) < 0:

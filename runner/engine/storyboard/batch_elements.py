@@ -60,7 +60,7 @@ class StoryboardBatch(BatchRun, Protocol):
         ...
 
     def take_over(self, actor: EntityRows, domain: str, rows: BoolArray) -> None:
-        """End whatever owns a control domain of an entity, in some runs."""
+        """End the owner of a control domain of an entity, in some runs."""
         ...
 
     def give(
@@ -274,7 +274,7 @@ class BatchTrigger:
 
 
 class _Timed(RunRows):
-    """`TimedCondition` in many runs: the values of as many steps are kept as its longest delay has."""
+    """`TimedCondition` in many runs: values are kept for the steps of its longest delay."""
 
     def __init__(self, timed: TimedCondition, run: StoryboardBatch, where: str) -> None:
         self._run, self._edge = run, timed.edge

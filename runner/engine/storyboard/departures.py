@@ -143,7 +143,7 @@ class Departures:
         return tuple(text for _, text in self.first.values())
 
     def __call__(self, run: Run) -> None:
-        """Look at the ego, if there is one."""
+        """Observe the ego, if there is one."""
         ego = self._ego
         if ego is None or not (ego.active and ego.placed):
             return

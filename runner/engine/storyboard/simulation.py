@@ -226,7 +226,7 @@ class Simulation:
         self.ended.clear()
 
     def leave_off(self) -> None:
-        """Say what is left of the actions that are under way now, because the run stops."""
+        """Report the rests of the running actions, because the run stops."""
         for process in self.processes:
             rest, actor = process.running.rest(), process.actor
             if rest is not None and actor is not None:
@@ -278,8 +278,8 @@ class Simulation:
         self._move(ego, decision.speed, self.dt)
 
     def _take_back(self, ego: Entity, driver: EgoDriver) -> None:
-        """Take the ego back from the world's own driver; unless an action moves it already, it goes
-        on along its lane."""
+        """Take the ego back from the world's own driver; unless an action moves it already, it
+        follows its lane."""
         self.world.release(ego)
         ego.controls.world_driven = False
         if LATERAL not in ego.controls.owners:
@@ -360,8 +360,8 @@ class Simulation:
             tow(self.roads, entity, dt)
 
     def _left(self, entity: Entity) -> None:
-        """The world has let go of an entity at the end of its way: what the scenario declares goes
-        on as scripted."""
+        """The world has released an entity at the end of its route: a declared entity continues as
+        scripted."""
         self.note(
             "left", entity.name, f"has come to the end of the way that {self.world.name} knows"
         )
@@ -407,12 +407,11 @@ class Simulation:
         self._next_step.append(call)
 
     def wake(self) -> None:
-        """Have all that rests looked at again: something that conditions read is not as it was."""
+        """Wake all that rests: state that conditions read has changed."""
         self.changes += 1
 
     def note(self, kind: str, subject: str, text: str = "", time: float | None = None) -> None:
-        """Write a line of the event log; what is worth one may matter to a condition, so all are
-        woken."""
+        """Write a line of the event log; it may matter to a condition, so all conditions are woken."""
         self.wake()
         self.log.append(LogEntry(self.time if time is None else time, kind, subject, text))
 
@@ -438,8 +437,8 @@ class Simulation:
             process.override(reason)
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes
-        straight ahead."""
+        """Place an entity at its present speed; from there it follows its lane, or drives straight
+        ahead."""
         self.wake()
         self.roads.place(entity, placement)
         self.relocated(entity)
@@ -455,8 +454,8 @@ class Simulation:
         self.put += train(entity)
 
     def drive(self, entity: Entity) -> bool:
-        """Hand an entity to the world's own driver; false, and it goes on as scripted, where that
-        can't drive."""
+        """Hand an entity to the world's own driver; false if that can't drive it, and the entity
+        stays scripted."""
         driven = entity.controls.world_driven = self.world.drive(entity)
         if driven:
             self.roads.leave_lane(entity)

@@ -29,7 +29,7 @@ class StoryboardRun(Run, Protocol):
         ...
 
     def leave_off(self) -> None:
-        """Say what is left of the actions that are under way now, because the run stops."""
+        """Report the rests of the running actions, because the run stops."""
         ...
 
     def enter(self, entity: Entity) -> None:
@@ -94,7 +94,7 @@ class Element:
         run.element_changed(self, transition, reason)
 
     def publish(self) -> None:
-        """Make the current state the one that conditions see."""
+        """Make the current state visible to conditions."""
         self.seen_state = self.state
         self.seen_transitions = tuple(self.transitions)
         self.transitions.clear()
@@ -176,7 +176,7 @@ class Process:
         self.element.override(self.run, self, reason)
 
     def release(self) -> None:
-        """Give back the control domains and whatever the action holds."""
+        """Give back the control domains and other holdings of the action."""
         if self.actor is not None:
             for domain in self.domains:
                 if self.actor.controls.owners.get(domain) is self:

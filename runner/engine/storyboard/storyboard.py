@@ -123,7 +123,7 @@ class Event(Element):
             super().end(run)
 
     def reset(self) -> None:
-        """No executions are counted, and the trigger has never been looked at."""
+        """Reset executions and trigger."""
         super().reset()
         self.executions = 0
         if self.trigger is not None:
@@ -249,8 +249,8 @@ class Act(Element):
         return self.stop_trigger is not None if running else self.state is ElementState.STANDBY
 
     def fire(self, run: StoryboardRun) -> None:
-        """Start because the start trigger has fired, or stop because the stop trigger has, which is
-        looked at in either case."""
+        """Start by the start trigger, or stop by the stop trigger, which is evaluated in either
+        case."""
         stops = self.state is ElementState.RUNNING
         if not stops:
             self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
@@ -485,7 +485,7 @@ def _adding_first(due: list[Event]) -> list[Event]:
 
 
 def check_actors(storyboard: Storyboard) -> None:
-    """Have every action look at the actors that it is sure to have.
+    """Check every action against its certain actors.
 
     Raises:
         InvalidFile: one makes no sense for one of its actors.

@@ -163,7 +163,7 @@ class TimedCondition:
 
 
 class Trigger:
-    """Condition groups, any of which fires the trigger when all its conditions are true.
+    """Condition groups: the trigger fires if all conditions of one group are true.
 
     `triggering` holds the entities that made the by-entity conditions of the firing group true,
     `fired` that group.
@@ -240,8 +240,7 @@ class Trigger:
         )
 
     def fires(self, run: Instant) -> bool:
-        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever
-        the others say."""
+        """Evaluate at the current time. Conditions with memory are evaluated in each step."""
         fired = None
         for group in self.groups:
             true = True
@@ -294,8 +293,8 @@ Waiting = TypeVar("Waiting", bound=Triggered)
 
 
 class _Watched(Generic[Waiting]):
-    """A waiting element: its place in the document, and when it is looked at next whether its
-    trigger is dormant."""
+    """Waiting element: its place in the document, and the step of the next look whether its trigger
+    is dormant."""
 
     __slots__ = ("element", "pause", "place", "retry", "trigger")
 
@@ -386,7 +385,7 @@ class Watch(Generic[Waiting]):
         watched.retry = self._retry = 0
 
     def _settle(self, run: Instant) -> None:
-        """Evaluate no more what can't fire for a while."""
+        """Put triggers to rest that can't fire for a while."""
         awake, self._retry = [], sys.maxsize
         for place in self.awake:
             watched = self._watched[place]

@@ -39,8 +39,7 @@ _STEP = _Call("step")
 
 
 class _Places(NamedTuple):
-    """Participants at the end of a step, with x, y (m) and heading (rad) of each, one after the
-    other."""
+    """Participants at the end of a step, with a flat list of x, y (m) and heading (rad) of each."""
 
     entities: tuple[Entity, ...]
     numbers: array[float]

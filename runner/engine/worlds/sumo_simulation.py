@@ -326,8 +326,8 @@ class SumoSimulation:
         self._apply(entity, self._requests.get(entity, DriverRequest()))
 
     def _find_route(self, entity: Entity, here: RoadPoint, odometer: float) -> None:
-        """Give SUMO's driver the way from here on. Where SUMO knows no such way, it keeps the one
-        that it has."""
+        """Give SUMO's driver the route from its place; if SUMO knows no such route, the present one
+        stays."""
         assert self._routes is not None
         name, vehicle = self._shown[entity].id, libsumo.vehicle
         driving = vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]

@@ -141,7 +141,7 @@ class SignalController:
         return self.phases[min(bisect_right(self._ends, max(elapsed, 0.0)), len(self.phases) - 1)]
 
     def go_to(self, phase: str, time: float) -> None:
-        """Let a phase begin at a time (s); the cycle goes on from there."""
+        """Start a phase at a time (s); the cycle continues from there."""
         index = next(i for i, candidate in enumerate(self.phases) if candidate.name == phase)
         self.begin = time - (self._ends[index - 1] if index else 0.0)
 

@@ -1,5 +1,4 @@
-"""Traffic that the scenario asks for without naming it: what it is made of, where it can appear,
-and how it gets there.
+"""Unnamed traffic of a scenario: composition, places of appearance, and departures.
 
 SUMO's drivers drive it. The controllers of a TrafficDefinition or template are programs that are
 not at hand: they are written to the entity, as AssignControllerAction does, and SUMO's drivers take

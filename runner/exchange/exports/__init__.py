@@ -18,7 +18,7 @@ from schemas.common.plugins import installed, load, told
 
 
 class ExportTarget(NamedTuple):
-    """A target: its name, the module that writes it, whether that needs a run, and what it is."""
+    """Export target: name, module, whether it needs a run, and summary."""
 
     name: str
     module: str

@@ -1,4 +1,4 @@
-"""Exports done one after the other: of documents as they are, of runs after running them."""
+"""Exports of several files: of documents as they are, of runs after running them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def export_documents(
     settings: RunSettings | None = None,
     selection: Selection | None = None,
 ) -> Iterator[Exported]:
-    """Export files as they are. What is wrong with one of them is reported, the others go on.
+    """Export files as they are; a faulty file is reported and does not stop the others.
 
     Args:
         settings: of them, what says how files are read; None for the defaults.

@@ -304,8 +304,8 @@ def _storyboard(document: Document) -> Iterator[etree._Element]:
 
 
 def _keep_first(scenario: Node) -> None:
-    """Take away all that goes on when a scenario has begun: entities are placed, and their first
-    speeds set."""
+    """Remove everything after the start of a scenario: entities are placed, and their first speeds
+    set."""
     storyboard = scenario.need("Storyboard")
     for child in storyboard.children("Story", "StopTrigger"):
         storyboard.element.remove(child.element)

@@ -216,7 +216,7 @@ def _write(
 
 
 def alone(jobs: Iterable[Job | Outcome], path: Path) -> Iterator[Job | Outcome]:
-    """The jobs, of which only one may be: all would write their trace into the same file.
+    """The only job; several are refused, since all would write into one file.
 
     Raises:
         UsageError: there are more; the file is of another format; the packages for it are not

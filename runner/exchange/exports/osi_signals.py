@@ -66,8 +66,8 @@ _LAMP = 0.3
 
 
 def link_at(history: Sequence[tuple[float, str]], time: float) -> str | None:
-    """Link state of a light at a time (s), as in `LIT`; None where it has no state, or one that is
-    not understood."""
+    """Link state of a light at a time (s), as in `LIT`; None without a state, or for an unknown
+    one."""
     index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
     return link_state(history[index][1]) if index >= 0 else None
 

@@ -152,7 +152,7 @@ def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> 
 
 
 def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, LaneTrack] | None:
-    """The SUMO lane of a lane at s, and what it is on the road; None where there is none."""
+    """SUMO lane of a lane at s, and its kind on the road; None if there is none."""
     name = net.sumo_lane(road, lane, s) if road is not None else None
     along = net.track(name) if name is not None else None
     return (

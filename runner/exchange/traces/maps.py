@@ -68,7 +68,7 @@ _MARKS = {
 
 @dataclass
 class Drawn:
-    """A road map made of lanes: content of the OpenDRIVE file, and what was inferred."""
+    """Road map made of lanes: content of the OpenDRIVE file, and inferences."""
 
     content: bytes
     notes: list[str] = field(default_factory=list)
@@ -342,7 +342,7 @@ def _along(line: FloatArray, centre: FloatArray) -> FloatArray:
 
 
 def _alike(line: FloatArray, other: FloatArray) -> FloatArray:
-    """A line cut to the length of another one beside it, where it goes further."""
+    """Line cut to the length of another one beside it."""
     return _cut(line, other)
 
 
@@ -389,7 +389,7 @@ _ENDINGS = (".xodr", ".odr")
 
 
 class TraceRoad(NamedTuple):
-    """The OpenDRIVE file of a trace, and what is to be said of it."""
+    """OpenDRIVE file of a trace, and remarks on it."""
 
     path: Path
     notes: tuple[str, ...]

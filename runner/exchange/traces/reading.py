@@ -62,7 +62,7 @@ say"""
 
 
 class LeftOut(NamedTuple):
-    """Something of a trace that is not in its recording: what, how many rows of it, and why."""
+    """Part of a trace that is not in its recording: name, number of rows, and reason."""
 
     what: str
     rows: int

@@ -364,7 +364,7 @@ class ProtocolTest:
         return tuple(known)
 
     def share(self, point: tuple[float, ...]) -> float:
-        """Points that a test point stands for."""
+        """Points of a test point."""
         return (
             self.points
             * prod(weights[value] for weights, value in zip(self.grid.values(), point, strict=True))

@@ -1,1 +1,1 @@
-"""Evidence that a run tested something: its rows, their least values, and what is counted."""
+"""Evidence that a run tested something: rows, least values, and counting."""

@@ -195,7 +195,7 @@ def _jumps(track: Track) -> list[float]:
 
 
 def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> PredictedContact:
-    """The contact of the ego that comes first after the end of a run, at all velocities then.
+    """First contact of the ego after the end of a run, at the velocities of the end.
 
     Its time is infinite where there is none.
     """

@@ -151,7 +151,7 @@ def _sound(texts: Iterable[str]) -> Count:
 
 
 def _share(done: int, planned: int, texts: Iterable[str] = ()) -> Count:
-    """The count of a row of which everything planned is to be done."""
+    """Count of a row whose whole plan is to be done."""
     return Count(done / planned if planned else 1.0, planned, tuple(texts))
 
 

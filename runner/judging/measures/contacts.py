@@ -294,8 +294,7 @@ _HALVINGS = 12
 
 @dataclass(frozen=True)
 class Conflict:
-    """A participant, the other one that it touches, and the row of the participant at which it
-    does."""
+    """Participant, touched participant, and the row of the contact."""
 
     ego: MotionRows
     other: MotionRows

@@ -126,7 +126,7 @@ def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
 
 
 def blocks(motions: Sequence[MotionRows]) -> Iterator[tuple[MotionRows, ...]]:
-    """Participants in their order, as many at once as are to be looked at together."""
+    """Participants in their order, in blocks that are processed together."""
     ends = np.cumsum([len(motion.time) for motion in motions]) // _BLOCK
     for block in np.unique(ends):
         first, last = np.searchsorted(ends, [block, block + 1])

@@ -195,7 +195,7 @@ class _SystemProcess:
         return True
 
     def end(self, at_once: bool = False) -> int | None:
-        """End the process, and all that it has started; its exit code, negative for a signal.
+        """End the process with its children; return its exit code, negative for a signal.
 
         Args:
             at_once: leave it no time to end by itself.
@@ -251,7 +251,7 @@ _idle: list[tuple[_Key, _SystemProcess]] = []
 
 
 def _key(name: str) -> _Key:
-    """Name, and all that decides the code that it stands for."""
+    """Name, and everything that decides its code."""
     return name, os.getcwd(), tuple(sys.path)
 
 

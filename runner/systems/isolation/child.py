@@ -124,7 +124,7 @@ class _Server:
         }
 
     def answer(self, request: bytes) -> bytes:
-        """The answer to a message; whatever a class raises becomes one."""
+        """Answer to a message; an exception of the class becomes one."""
         kind = request[:1]
         try:
             if kind == STEP:

@@ -1,4 +1,4 @@
-"""Frames over a socket: 4 bytes with the length (unsigned, the highest first), then so many bytes.
+"""Frames over a socket: 4 bytes with the length (unsigned, big-endian), then the content.
 
 Each frame is sent and received as a whole in a limited time. The bridge and the boundary of systems
 under test use them.
@@ -87,7 +87,7 @@ class FrameConnection:
         return body
 
     def _fill(self, count: int, end: float | None) -> None:
-        """Receive until so many bytes are there, by a time of the monotonic clock (s)."""
+        """Receive a number of bytes, by a time of the monotonic clock (s)."""
         while len(self._received) < count:
             left = None if end is None else end - time.monotonic()
             try:

@@ -16,7 +16,7 @@ SYSTEMS = {
 
 @dataclass(slots=True)
 class Commanded:
-    """Answers with the command that it holds, whatever it sees.
+    """Answers with a fixed command.
 
     Args:
         command: what the ego does in each step until it is replaced; by default all is left to the

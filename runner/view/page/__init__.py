@@ -75,7 +75,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 def _joined(files: Sequence[str]) -> str:
-    """The files one after the other, without comments and indentation, which no browser needs."""
+    """Concatenated files, without comments and indentation."""
     whole = "".join((_FOLDER / name).read_text(encoding="utf-8") for name in files)
     lines = map(str.strip, _COMMENT.sub("", whole).splitlines())
     return "".join(f"{line}\n" for line in lines if line and not line.startswith("//"))

@@ -1,2 +1,2 @@
-"""Runs to look at: pages that play them in a browser, reports of batches, pictures, animations,
+"""Views of runs: pages that play them in a browser, reports of batches, pictures, animations,
 SUMO's own window."""

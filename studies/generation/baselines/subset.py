@@ -1,4 +1,5 @@
-"""Subset simulation: chains of draws of the density that are held to ever nearer misses until they fail, then anew.
+"""Subset simulation: chains of draws of the density that are held to ever nearer misses until they
+fail, then anew.
 
 S. K. Au and J. L. Beck, Estimation of small failure probabilities in high dimensions by subset
 simulation, 2001.
@@ -46,7 +47,8 @@ class SubsetSettings:
 def subset(
     problem: SearchProblem, budget: int, seed: int, settings: SubsetSettings = SubsetSettings()
 ) -> History:
-    """Spend the budget: a simulation that reached the failures, or its last level, is followed by another.
+    """Spend the budget: a simulation that reached the failures, or its last level, is followed by
+    another.
 
     Raises:
         UsageError: the problem has no prior.
@@ -87,7 +89,8 @@ def _chains(
     settings: SubsetSettings,
     generator: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """All states of chains by Metropolis among points with a score of the limit or more, their scores, and the next step size."""
+    """All states of chains by Metropolis among points with a score of the limit or more, their
+    scores, and the next step size."""
     theta, values = start
     thetas, every = [theta], [values]
     for _ in range(max(round(1.0 / settings.kept) - 1, 1)):

@@ -1,4 +1,5 @@
-"""`python -m studies.generation coverage`: count intervals that hold sampling and density and cover the truth."""
+"""`python -m studies.generation coverage`: count intervals that hold sampling and density and cover
+the truth."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Draw recordings anew, fit the density on them, and estimate systems in arrays: how often does the interval cover?"""
+    """Draw recordings anew, fit the density on them, and estimate systems in arrays: how often does
+    the interval cover?"""
     from dataclasses import replace
 
     from generation.search.outcomes import Evaluate

@@ -1,4 +1,4 @@
-"""Designs: runs that are chosen before the first one, and learn nothing of what came of it."""
+"""Designs: runs that are chosen before the first one, and learn nothing from outcomes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ _DRAWN = 512
 
 
 def maximin(problem: SearchProblem, budget: int, seed: int) -> History:
-    """Foreseeable draws, each the one that is furthest from those before: a design that covers the foreseeable set evenly.
+    """Foreseeable draws, each the one that is furthest from those before: a design that covers the
+    foreseeable set evenly.
 
     M. E. Johnson, L. M. Moore, D. Ylvisaker, Minimax and maximin distance designs, 1990.
     """
@@ -72,7 +73,8 @@ def _furthest(rows: FloatArray, n: int) -> IntArray:
 
 
 def stratified(prior: Prior, frame: Frame, n: int, generator: np.random.Generator) -> FloatArray:
-    """One draw from each of n cells of equal probability, or up to twice as many (m, d), in a drawn order.
+    """One draw from each of n cells of equal probability, or up to twice as many (m, d), in a drawn
+    order.
 
     The cells halve draws of the prior at the median of the coordinate in which they spread most.
     """

@@ -21,7 +21,8 @@ from generation.space.space import Space
 from schemas.common.array_types import FloatArray, IntArray
 
 Score = Callable[[FloatArray, Outcomes], FloatArray]
-"""Distance (n,) of points (n, d), with their undriven outcomes, from the middle of a region, in a measure of its shape"""
+"""Distance (n,) of points (n, d), with their undriven outcomes, from the middle of a region, in a
+measure of its shape"""
 FAR = 1e6
 """Score of points outside any size of a region"""
 _RARE = 0.2
@@ -29,8 +30,9 @@ _RARE = 0.2
 
 
 class Place(NamedTuple):
-    """Place of a region: its middle as a point (1, d) with its undriven outcome, drawn columns of coordinates, scales (k,) of all
-    coordinates, and a drawn number from 0.5 to 1 for shapes that need one."""
+    """Place of a region: its middle as a point (1, d) with its undriven outcome, drawn columns of
+    coordinates, scales (k,) of all coordinates, and a drawn number from 0.5 to 1 for shapes that
+    need one."""
 
     frame: Frame
     space: Space

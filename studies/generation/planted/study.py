@@ -1,4 +1,5 @@
-"""Searches for planted failures: what each finds of them with the same runs, against plain draws of the density.
+"""Searches for planted failures: what each finds of them with the same runs, against plain draws of
+the density.
 
 One search spends the whole budget, and is judged after each number of runs in `MARKS`.
 """
@@ -176,7 +177,8 @@ _STATED = 40
 
 
 def stated(planted: Planted, problem: SearchProblem, pool: Pool, history: History) -> Stated:
-    """Make the product's statement after a search: its unguided draws are runs of the pool, in place of its last runs."""
+    """Make the product's statement after a search: its unguided draws are runs of the pool, in
+    place of its last runs."""
     unguided = drawn_of(len(history.theta))
     sought = history.theta[: len(history.theta) - unguided]
     failing = history.outcomes.collision[: len(sought)]
@@ -317,7 +319,8 @@ def _key(entry: Mapping[str, Any]) -> tuple[str, str, int, int]:
 
 
 def table(found: Sequence[Result]) -> str:
-    """A row for each number of runs and method over all systems, then for each plan after the last run, in Markdown.
+    """A row for each number of runs and method over all systems, then for each plan after the last
+    run, in Markdown.
 
     Intervals are of 95 %, by bootstrap over systems; the lead of `cover` is the difference in
     recall on the same systems.
@@ -365,7 +368,8 @@ def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
 
 
 def statements(found: Sequence[Result]) -> str:
-    """Share of wrong statements on failures that were not found, for each number of runs of `cover`."""
+    """Share of wrong statements on failures that were not found, for each number of runs of
+    `cover`."""
     lines = [
         "| runs | true probability of what was missed, mean | stated bound, mean | statements below the truth |",
         "|---|---|---|---|",

@@ -1,4 +1,5 @@
-"""Systems with planted failures, made by seed: regions of foreseeable manoeuvres in which a driver sleeps.
+"""Systems with planted failures, made by seed: regions of foreseeable manoeuvres in which a driver
+sleeps.
 
 The undriven run, in arrays or on SUMO, says what happens there: a point fails if it
 lies in a region and collides undriven. Outside its regions the driver is perfect, fails where no
@@ -24,7 +25,8 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from studies.generation.planted.shapes import FAR, SHAPES, Place, Score
 
 UNDRIVEN, PERFECT, CAREFUL = "none", "perfect", "careful"
-"""System under test that never acts, the base that survives everything, and the one that fails where no judge survives"""
+"""System under test that never acts, the base that survives everything, and the one that fails
+where no judge survives"""
 GRADIENT, SILENT, DECEPTIVE = "gradient", "silent", "deceptive"
 """Margins near a region: worse, as elsewhere, or better there and worse elsewhere"""
 _CLEAR, _BRAKES = 1.0, 4.0
@@ -194,7 +196,8 @@ class Planted:
 
 
 def plant(plan: Plan, space: Space, prior: Prior, plays: Plays, pool: Pool, seed: int) -> Planted:
-    """A system after a plan, by seed: each region has its share of the probability, measured on the pool.
+    """A system after a plan, by seed: each region has its share of the probability, measured on the
+    pool.
 
     Raises:
         ValueError: the pool is too small for that probability.

@@ -65,7 +65,7 @@ class Case(NamedTuple):
             are.
         unseen: rows that are not shown or jump away (n,).
         off: deviation of the centre of each row as it was recorded, m.
-        truth: what is to be found.
+        truth: the values to be found.
         counted: the rows at which it is (n,).
     """
 

@@ -202,7 +202,8 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
 def _joined_ends(
     lanes: dict[str, MapLane], notes: list[str]
 ) -> dict[tuple[str, str, int], FloatArray]:
-    """Ends of borders that are moved to where the lane before or after them begins: Lanelet2 links by shared nodes."""
+    """Ends of borders that are moved to where the lane before or after them begins: Lanelet2 links
+    by shared nodes."""
     places: dict[tuple[str, str, int], FloatArray] = {}
     parents: dict[tuple[str, str, int], tuple[str, str, int]] = {}
 
@@ -279,7 +280,8 @@ def _lights(
     lanes: dict[str, MapLane],
     bounds: dict[str, list[int]],
 ) -> list[tuple[int, int]]:
-    """The ways of each light: its face, and the stop line across the lanes that it holds, at their end."""
+    """The ways of each light: its face, and the stop line across the lanes that it holds, at their
+    end."""
     made = []
     for signal in lights:
         x, y, z = signal.place

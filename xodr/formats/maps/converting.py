@@ -1,4 +1,5 @@
-"""Conversion of maps between formats, with the error that it makes: the result is read back and compared with the source."""
+"""Conversion of maps between formats, with the error that it makes: the result is read back and
+compared with the source."""
 
 from __future__ import annotations
 
@@ -224,7 +225,8 @@ def convert(
     Args:
         source: the map; its format is found by name and content.
         target: the file to write; its name says the format.
-        origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates; None for its local coordinates.
+        origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates; None
+            for its local coordinates.
         revision: version of OpenDRIVE to write, `1.4` to `1.9`; an OpenDRIVE source is converted as
             it is written.
         overwrite: replace a file that is there.

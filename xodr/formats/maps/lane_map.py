@@ -1,4 +1,5 @@
-"""Lanes of a map in any format: borders, meaning and links of each lane in the direction of its traffic.
+"""Lanes of a map in any format: borders, meaning and links of each lane in the direction of its
+traffic.
 
 All formats are read into a `LaneMap` and written from one (OpenDRIVE is written by way of
 `xodr.formats.lanelet2.build`); differences between maps are differences between their lanes.

@@ -1,5 +1,5 @@
-"""Density models by name: classes of this folder's modules, each of which describes its models in a
-literal `DENSITIES`."""
+"""Density models by name: classes of this folder's modules, described by a literal `DENSITIES` in
+each."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class _RealNVP(nn.Module):
         return total - 0.5 * white.square().sum(dim=1) - 0.5 * white.shape[1] * np.log(2.0 * np.pi)
 
     def back(self, noise: Tensor) -> Tensor:
-        """z (n, d) of what it is mapped to."""
+        """z (n, d) of points (n, d) of the standard normal."""
         white = noise.clone()
         for kept, scale, shift in self._changes(white, reverse=True):
             white[:, ~kept] = (white[:, ~kept] - shift) * (-scale).exp()

@@ -93,7 +93,8 @@ class Mixture(Density):
         )
 
     def again(self, rows: int) -> Self:
-        """Return an unfitted mixture of as many components, or fewer where there are too few rows."""
+        """Return an unfitted mixture with the same number of components, or fewer if there are too
+        few rows."""
         means = self._model.means_
         return type(self)(min(len(means), _most(rows, means.shape[1])), self.seed)
 
@@ -164,7 +165,7 @@ class Student(Density):
         self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
 
     def again(self, rows: int) -> Self:
-        """Return an unfitted mixture with the same tails and as many components, or fewer where
+        """Return an unfitted mixture with the same tails and number of components, or fewer if
         there are too few rows."""
         return type(self)(*self._chosen, self._mixture.again(rows))
 

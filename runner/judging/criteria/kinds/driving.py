@@ -69,7 +69,7 @@ def off_road(drive: Drive, duration: float) -> CriterionFinding:
     on_roads=True,
 )
 def on_sidewalk(drive: Drive, duration: float) -> CriterionFinding:
-    """Look at the box's centre, and where that is off the carriageway at its corners."""
+    """Judge the box's centre, and off the carriageway its corners."""
     time, corners = drive.columns["time"], drive.corners()
     on_carriageway = on_lanes(drive, drive.centre(), CARRIAGEWAY)
     outside = ~on_carriageway & ~np.any(

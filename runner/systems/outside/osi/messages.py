@@ -74,7 +74,7 @@ def fill_base(base: Any, box: BoundingBox, values: Sequence[float], moves: bool)
 
 
 def fill_type(each: Any, one: ObjectKind, osi: Osi, role: str = "") -> None:
-    """Fill what a MovingObject is.
+    """Fill the type of a MovingObject.
 
     Args:
         role: of the participant, as OpenSCENARIO names it; empty where it is not known.
