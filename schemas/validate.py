@@ -192,9 +192,9 @@ def at_path(tree: etree._ElementTree, path: str | None, by_name: ChildrenByName)
 def _children_by_name(parent: etree._Element) -> dict[str, list[etree._Element]]:
     """Child elements by the names that paths have: `*` counts all, and stands for a namespace
     without prefix."""
-    found: dict[str, list[etree._Element]] = {}
+    children: dict[str, list[etree._Element]] = {}
     for child in parent.iterchildren(etree.Element):
         name = f"{child.prefix}:{local_name(child)}" if child.prefix else str(child.tag)
         for pattern in ("*", name):
-            found.setdefault(pattern, []).append(child)
-    return found
+            children.setdefault(pattern, []).append(child)
+    return children

@@ -67,10 +67,10 @@ def of_command(name: str) -> dict[str, Setting]:
     if name not in COMMANDS:
         raise UsageError(f"there is no command {name!r}; {nearest(name, COMMANDS)}")
     command: Any = typer.main.get_command(load(f"xosc-{name}").app)
-    found: dict[str, Setting] = {}
+    settings: dict[str, Setting] = {}
     for subcommand in getattr(command, "commands", {"": command}).values():
-        found |= subcommand.settings()
-    return found
+        settings |= subcommand.settings()
+    return settings
 
 
 def unknown(key: str) -> str:

@@ -391,12 +391,12 @@ def _ratios(
     """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where
     none can be resampled."""
     none = np.zeros((settings.resampled, len(theta)))
-    found = (
+    ratios = (
         prior.log_ratios(theta, settings.resampled, generator)
         if len(theta) and settings.resampled
         else none
     )
-    return found if len(found) else none
+    return ratios if len(ratios) else none
 
 
 def _spread(ratios: FloatArray, weights: FloatArray) -> float:
@@ -479,12 +479,12 @@ def _judged(theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drive
 def _events(played: _Played) -> dict[str, BoolArray]:
     """Whether each event happens at each point (n,)."""
     collision, speed = played.outcomes.collision, played.outcomes.impact_speed
-    found = {FAILURE: collision, PREVENTABLE: played.preventable}
+    events = {FAILURE: collision, PREVENTABLE: played.preventable}
     for low, high in zip(BANDS, (*BANDS[1:], np.inf), strict=True):
         name = (
             f"impact at {low:g} to {high:g} m/s"
             if np.isfinite(high)
             else f"impact at {low:g} m/s or more"
         )
-        found[name] = collision & (speed >= low) & (speed < high)
-    return found
+        events[name] = collision & (speed >= low) & (speed < high)
+    return events

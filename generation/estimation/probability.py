@@ -231,10 +231,10 @@ class Driving:
     @property
     def sites(self) -> dict[str, list[Exposure]]:
         """Exposures of the recordings of each kind of site: the part of their names before a slash."""
-        found: dict[str, list[Exposure]] = {}
+        by_site: dict[str, list[Exposure]] = {}
         for name, part in self.parts.items():
-            found.setdefault(name.rpartition("/")[0], []).append(part)
-        return found
+            by_site.setdefault(name.rpartition("/")[0], []).append(part)
+        return by_site
 
     def by_site(self) -> dict[str, dict[str, float]]:
         """Hours, kilometres, and manoeuvres per hour of each kind of site; nothing where there is

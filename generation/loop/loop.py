@@ -334,13 +334,13 @@ class _Loop:
         grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
         loop_runs.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
-        found = RecognisedRun()
+        recognised = RecognisedRun()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":
-                found.runs.setdefault(row["recording"], []).append(
+                recognised.runs.setdefault(row["recording"], []).append(
                     LabelledScenario(row["class"], row["file"])
                 )
-        return found
+        return recognised
 
 
 def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
@@ -348,14 +348,14 @@ def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
     classes: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         classes.setdefault(row["class"], []).append(row)
-    found = []
+    picked = []
     for title in sorted(classes):
         listed = sorted(classes[title], key=lambda row: (-(row["confidence"] or 0.0), row["file"]))
         count = min(most, len(listed))
-        found += [
+        picked += [
             listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)
         ]
-    return found
+    return picked
 
 
 def _below(folder: Path, path: Path) -> str:

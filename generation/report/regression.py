@@ -227,21 +227,21 @@ def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shi
     ).reshape(-1, len(space.names))
     remains = np.array([fates[row] is not Fate.FIXED for row in rows], bool)
     unit = space.unit(np.concatenate([then, tried.theta[tried.failing]]))[:, columns]
-    labels, found = grouped(unit, LINKED), Counter[Shift]()
+    labels, regions = grouped(unit, LINKED), Counter[Shift]()
     for label in np.unique(labels):
         of = labels == label
         old, new = of[: len(then)], of[len(then) :]
         left = unit[: len(then)][old & remains]
         now = np.concatenate([left, unit[len(then) :][new]])
         if not old.any():
-            found[Shift.NEW] += 1
+            regions[Shift.NEW] += 1
         elif not len(now):
-            found[Shift.GONE] += 1
+            regions[Shift.GONE] += 1
         else:
             way = now.mean(axis=0) - unit[: len(then)][old].mean(axis=0)
             moved = not len(left) or float(np.sqrt(np.square(way).mean())) >= NEAR
-            found[Shift.MOVED if moved else Shift.REMAINS] += 1
-    return found
+            regions[Shift.MOVED if moved else Shift.REMAINS] += 1
+    return regions
 
 
 def _alike(space: Space, values: Mapping[str, str]) -> bool:

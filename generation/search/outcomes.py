@@ -553,7 +553,7 @@ class Cases:
         theta: parameters (n, d).
         outcomes, rewards: at theta.
         log_likelihood: log-density (n,) at theta.
-        drivers: what came of the reference drivers there, by their names
+        drivers: outcomes of the reference drivers there, by their names
             (`generation.search.outcomes.REFERENCES`).
         agreed: verdicts of the judges that plays in arrays share, all of them, where these are of the other
             drivers; 0 where all were run.

@@ -107,7 +107,7 @@ def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
     measured = outcomes.measured(parameter_set(rss), RISK_WINDOW)
     failed = outcomes.outcome == FAILED
     untested = outcomes.outcome == INCONCLUSIVE
-    found: dict[str, Any] = {
+    columns: dict[str, Any] = {
         "collision": failed,
         "r_risk": measured.risk,
         "min_ttc": np.where(failed, 0.0, measured.min_ttc),
@@ -123,5 +123,5 @@ def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
         "error": np.where(untested, _UNTESTED, "").astype(object),
     }
     for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict"):
-        found[name] = np.where(untested, NOTHING[name], found[name])
-    return found
+        columns[name] = np.where(untested, NOTHING[name], columns[name])
+    return columns

@@ -469,7 +469,7 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
     Raises:
         UsageError: a text has another form, there is no such role, or two parameters have the same.
     """
-    found: dict[str, Role] = {}
+    roles: dict[str, Role] = {}
     for text in texts:
         name, equals, right = text.partition("=")
         role, times, factor = right.partition("*")
@@ -485,10 +485,10 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
             raise UsageError(
                 f"--map {text!r}: recordings have no role {role!r}; roles: {', '.join(ROLES)}"
             )
-        if role in (known.role for known in found.values()):
+        if role in (known.role for known in roles.values()):
             raise UsageError(f"--map {text!r}: another parameter has the role {role}")
-        found[name] = Role(EGO, role, scale)
-    return found
+        roles[name] = Role(EGO, role, scale)
+    return roles
 
 
 class Asked(NamedTuple):

@@ -124,7 +124,7 @@ class Recorded(NamedTuple):
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:
         """Return the prior of each of two adversaries, from all units of its kind, independent of
         the other one."""
-        found = []
+        priors = []
         for recorded in self.pairs.alone if self.pairs is not None else ():
             names = tuple(name for name in space.names if name in recorded.values)
             columns = [space.names.index(name) for name in names]
@@ -135,12 +135,12 @@ class Recorded(NamedTuple):
             }
             if names:
                 box = Box(names, space.low[columns], space.high[columns], pinned)
-                found.append(
+                priors.append(
                     RecordedPrior(
                         box, recorded.values, recorded.recordings, recorded.roles, density
                     )
                 )
-        return found
+        return priors
 
     def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that keep the scenario's constraints, without overlap of vehicles: (n,)."""
@@ -404,13 +404,13 @@ def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, Int
     fastest get fast ones too.
     """
     order = np.argsort(speeds, kind="stable")
-    found = {}
+    units = {}
     for number, actor in enumerate(actors):
         beside = _BESIDE * number
         blocks = np.array_split(order, max(1, len(order) // (2 * beside))) if beside else [order]
-        found[actor] = np.empty(len(speeds), np.int64)
-        found[actor][order] = np.concatenate([np.roll(block, -beside) for block in blocks])
-    return found
+        units[actor] = np.empty(len(speeds), np.int64)
+        units[actor][order] = np.concatenate([np.roll(block, -beside) for block in blocks])
+    return units
 
 
 def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:

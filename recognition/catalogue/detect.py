@@ -191,7 +191,7 @@ def vehicles(
 
     The recording must have its road coordinates.
     """
-    found, exclusions = [], []
+    egos, exclusions = [], []
     for track in recording.tracks.values():
         if track.kind != "vehicle":
             continue
@@ -200,8 +200,8 @@ def vehicles(
             exclusions.append(Exclusion(track.name, len(track.columns["time"]), "; ".join(reasons)))
         else:
             time = track.columns["time"]
-            found.append(EgoVehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
-    return found, exclusions
+            egos.append(EgoVehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
+    return egos, exclusions
 
 
 def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iterator[str]:

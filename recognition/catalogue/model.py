@@ -227,18 +227,18 @@ class ByModel:
         taken: dict[str, list[float]] = {}
         for event in events:
             taken.setdefault(event.ego, []).append(event.time)
-        found = []
+        moments = []
         for track in recording.tracks.values():
             if track.kind == "vehicle" and not is_parked(track, _RULES):
                 times = regular(track.columns["time"], WINDOW, self._stride)
                 busy = np.array(taken.get(track.name, []))
                 free = (np.abs(times[:, None] - busy) >= 0.5 * self._stride).all(axis=1)
                 free &= on_lanes(recording, site.network, track.name, times)
-                found += [
+                moments += [
                     Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN)
                     for at in times[free].tolist()
                 ]
-        return found
+        return moments
 
     def _take(self, features: Features, moments: list[Moment]) -> None:
         """Recognise windows by their features, of the first moments, no more at a time than fit

@@ -701,11 +701,11 @@ def _junctions(scene: SceneRows) -> IntArray:
     """Number of the junction of each strip, NOWHERE for none."""
     network = scene.site.network
     numbers = {name: number for number, name in enumerate(network.junctions)}
-    found = [
+    junctions = [
         numbers.get(network.roads[strip.road].junction_id or "", NOWHERE)
         for strip in scene.site.lanes.strips
     ]
-    return np.array(found, np.int64)
+    return np.array(junctions, np.int64)
 
 
 def _half(values: FloatArray, start: int, end: int) -> int:

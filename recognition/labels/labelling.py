@@ -91,7 +91,7 @@ def passing(
     happens on a whole straight way that no vehicle of the recording crosses.
     """
     scene = prepare(recording, site, config)
-    found: dict[str, list[JunctionWay]] = {}
+    passages: dict[str, list[JunctionWay]] = {}
     if len(scene.track):
         ways, time = scene.passages, scene.time
         uncrossed = (
@@ -102,7 +102,7 @@ def passing(
             ways.first.tolist(), ways.last.tolist(), uncrossed.tolist(), strict=True
         ):
             name = scene.names[scene.track[first]]
-            found.setdefault(name, []).append(
+            passages.setdefault(name, []).append(
                 JunctionWay(float(time[first]), float(time[last]), alone)
             )
-    return found
+    return passages

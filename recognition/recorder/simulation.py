@@ -251,17 +251,17 @@ def _headings(
     direction, way = np.arctan2(ahead_y, ahead_x), np.hypot(ahead_x, ahead_y)
     order = np.argsort(-counts, kind="stable")
     starts, distance = (np.cumsum(counts) - counts)[order], distance[order]
-    found = np.empty(len(x))
-    found[starts] = h[order]
+    headings = np.empty(len(x))
+    headings[starts] = h[order]
     left = np.searchsorted(-counts[order], -np.arange(counts.max()), side="left")
     for step, active in enumerate(left[1:], 1):
         here = starts[:active] + step
-        angle = direction[here] - found[here - 1]
+        angle = direction[here] - headings[here - 1]
         fading = np.exp(-way[here] / distance[:active])
-        found[here] = direction[here] - 2.0 * np.arctan2(
+        headings[here] = direction[here] - 2.0 * np.arctan2(
             np.sin(0.5 * angle) * fading, np.cos(0.5 * angle)
         )
-    return found
+    return headings
 
 
 def _rate(values: FloatArray, counts: IntArray, rate: int) -> FloatArray:

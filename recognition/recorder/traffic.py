@@ -220,12 +220,12 @@ def parked(
     rows: Sequence[Parking], fleet: Fleet, begin: float, end: float, rng: np.random.Generator
 ) -> list[Departure]:
     """Vehicles that stand in rows from the time 0 on and drive off between `begin` and `end`, s."""
-    found = []
+    departures = []
     for row in rows:
         for s in np.arange(row.first, row.last, row.spacing).tolist():
             stand = Stand(row.lane, s, float(rng.uniform(begin, end)))
-            found.append(Departure(0.0, vehicle(fleet, rng), row.lane, row.end, stand))
-    return found
+            departures.append(Departure(0.0, vehicle(fleet, rng), row.lane, row.end, stand))
+    return departures
 
 
 def write_routes(departing: Sequence[Departure], net: SumoNet, path: Path) -> None:

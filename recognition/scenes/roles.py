@@ -89,7 +89,7 @@ def _round_cycles(graph: LaneGraph) -> list[_Cycle]:
     ways = csr_array((np.maximum(graph.length[columns], 1e-3), (rows, columns)), shape=(size, size))
     component = connected_components(ways, connection="strong")[1]
     seen: set[int] = set()
-    found: list[_Cycle] = []
+    round_cycles: list[_Cycle] = []
     for one, after in links:
         if component[one] != component[after] or {one, after} <= seen:
             continue
@@ -99,8 +99,8 @@ def _round_cycles(graph: LaneGraph) -> list[_Cycle]:
             points = np.concatenate([graph.centre_line(number)[:-1] for number in cycle])
             if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
                 seen.update(cycle)
-                found.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
-    return found
+                round_cycles.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
+    return round_cycles
 
 
 def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:

@@ -125,14 +125,14 @@ def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[Compil
 
 def _doubles(document: Any) -> set[str]:
     declared = document.node.find("ParameterDeclarations")
-    found = set()
+    doubles = set()
     for declaration in declared.children() if declared is not None else ():
         try:
             if type_named(declaration.get("parameterType", "")) == "double":
-                found.add(declaration.get("name"))
+                doubles.add(declaration.get("name"))
         except ValueError:
             continue
-    return found
+    return doubles
 
 
 def _compiled(
@@ -370,20 +370,20 @@ def _kind(job: Job) -> tuple[Path, Path, int | None, frozenset[str]]:
 
 def _measures(outcomes: BatchOutcomes, measured: RunMeasures, at: int) -> dict[str, Any]:
     """Columns of a run in `sets.parquet`."""
-    found: dict[str, Any] = {
+    measures: dict[str, Any] = {
         **dict.fromkeys(_COLUMNS),
         **{name: str(getattr(outcomes, name)[at]) for name in _TEXTS},
         "end_time": float(outcomes.end_time[at]),
         "contact": float(outcomes.contact[at]),
     }
-    if found["outcome"] == OPEN:
-        return found
+    if measures["outcome"] == OPEN:
+        return measures
     least, ttc = float(measured.min_distance[at]), float(measured.min_ttc[at])
-    found["min_ttc"] = ttc if ttc < math.inf else None
-    found["max_drac"] = float(measured.max_drac[at]) or None
+    measures["min_ttc"] = ttc if ttc < math.inf else None
+    measures["max_drac"] = float(measured.max_drac[at]) or None
     if least < math.inf:
-        found["min_distance"], found["risk"] = least, float(measured.risk[at])
-    return found
+        measures["min_distance"], measures["risk"] = least, float(measured.risk[at])
+    return measures
 
 
 @contextmanager

@@ -326,13 +326,13 @@ def counterparts_of(now: Iterable[str | Path], before: Iterable[str | Path]) -> 
     own, earlier = (
         [os.path.abspath(file) for file in dict.fromkeys(files)] for files in (now, before)
     )
-    found = {path: path for path in own if path in set(earlier)}
+    counterparts = {path: path for path in own if path in set(earlier)}
     for key in (_below(own) | _below(earlier)).get, lambda path: Path(path).stem:
-        taken = set(found.values())
+        taken = set(counterparts.values())
         left = _unique([path for path in earlier if path not in taken], key)
-        mine = _unique([path for path in own if path not in found], key)
-        found |= {mine[name]: left[name] for name in mine.keys() & left.keys()}
-    return found
+        mine = _unique([path for path in own if path not in counterparts], key)
+        counterparts |= {mine[name]: left[name] for name in mine.keys() & left.keys()}
+    return counterparts
 
 
 def _below(paths: Sequence[str]) -> dict[str, str]:

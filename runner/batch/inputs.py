@@ -255,9 +255,9 @@ def _digest_of(files: Iterable[Path]) -> str:
 
 def _files(origin: str, folders: Iterable[str]) -> Iterator[Path]:
     """The files of a package, those of packages inside it included, or that of a module."""
-    found = [Path(folder) for folder in folders]
-    if found:
-        inside = (path for folder in found for path in folder.rglob("*"))
+    files = [Path(folder) for folder in folders]
+    if files:
+        inside = (path for folder in files for path in folder.rglob("*"))
         yield from sorted(path for path in inside if path.suffix in _DECIDING and path.is_file())
     elif os.path.isfile(origin):
         yield Path(origin)

@@ -319,8 +319,8 @@ def parameters_of(system: Any) -> dict[str, Value]:
     remote: dict[str, Value] | None = getattr(system, "remote_parameters", None)
     if remote is not None:
         return remote
-    found = {name: _attribute(system, name) for name in _declared(type(system))}
-    return {name: value for name, value in found.items() if isinstance(value, Value)}
+    parameters = {name: _attribute(system, name) for name in _declared(type(system))}
+    return {name: value for name, value in parameters.items() if isinstance(value, Value)}
 
 
 def _attribute(system: Any, name: str) -> Any:

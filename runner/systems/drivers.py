@@ -501,23 +501,23 @@ def _constants(rows: Sequence[EntityRows], n: int, shape: tuple[int, ...]) -> di
         column = objects(values) if kind is object else np.array(values, kind)
         return np.broadcast_to(column.reshape(-1, 1) if len(shape) > 1 else column, shape)
 
-    found: dict[str, Any] = {
+    constants: dict[str, Any] = {
         name: spread([getattr(participant, name) for participant in people], object)
         for name in ("name", "kind", "category", "lights", "overrides")
     }
     for name in ("front_axle", "max_steering", "mass"):
-        found[name] = spread([getattr(participant, name) for participant in people])
+        constants[name] = spread([getattr(participant, name) for participant in people])
     for name, kind in (("box", BoundingBox), ("performance", Performance)):
         columns = list(zip(*(getattr(participant, name) for participant in people), strict=True))
-        found[name] = (
+        constants[name] = (
             kind(*(spread(column) for column in columns))
             if people
             else kind(
                 *(np.zeros(shape) for _ in kind._fields)  # type: ignore[arg-type]
             )
         )
-    found["present"] = np.broadcast_to(np.array(True), shape)
-    return found
+    constants["present"] = np.broadcast_to(np.array(True), shape)
+    return constants
 
 
 def observe(run: Run, ego: Entity, target: float) -> Observation:

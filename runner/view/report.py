@@ -113,10 +113,10 @@ def _evidence(
     for run in runs:
         for name, value in run.get("evidence") or ():
             counted.setdefault(name, []).append(value)
-    found = []
+    evidence = []
     for row in (row for row in ROWS.values() if row.name in counted):
         values, least = counted[row.name], chosen.get(row.name, row.least)
-        found.append(
+        evidence.append(
             {
                 "name": row.name,
                 "runs": len(values),
@@ -127,7 +127,7 @@ def _evidence(
                 "meaning": row.meaning,
             }
         )
-    return found
+    return evidence
 
 
 def _measures() -> dict[str, dict[str, Any]]:

@@ -189,11 +189,11 @@ def _unfinished(graph: Mapping[Node, Collection[Node]]) -> set[Node]:
 def _reachable(
     graph: Mapping[Node, Collection[Node]], start: Node, within: Collection[Node]
 ) -> set[Node]:
-    found: set[Node] = set()
+    reachable: set[Node] = set()
     pending = [start]
     while pending:
         for target in graph[pending.pop()]:
-            if target in within and target not in found:
-                found.add(target)
+            if target in within and target not in reachable:
+                reachable.add(target)
                 pending.append(target)
-    return found
+    return reachable

@@ -52,14 +52,14 @@ def installed(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
     Raises:
         UsageError: an entry point has a name of these, or of another package.
     """
-    found: dict[str, EntryPoint] = {}
+    entries: dict[str, EntryPoint] = {}
     for entry in _declared(tuple(sys.path), os.path.realpath(os.curdir)).get(group, ()):
         if entry.name in taken:
             raise UsageError(f"{told(entry)} takes a name of the toolchain's own")
-        other = found.setdefault(entry.name, entry)
+        other = entries.setdefault(entry.name, entry)
         if other is not entry:
             raise UsageError(f"{told(entry)} takes the name of {told(other)}; uninstall one")
-    return found
+    return entries
 
 
 def told(entry: EntryPoint) -> str:

@@ -400,7 +400,7 @@ def _contents(path: Path) -> Contents:
     schemas: dict[int, Any] = {}
     channels: dict[int, Any] = {}
     counts: dict[int, int] = {}
-    found, chunks, indexed = Contents(), 0, 0
+    contents, chunks, indexed = Contents(), 0, 0
 
     def take(record: Any) -> None:
         if isinstance(record, names.Schema):
@@ -415,34 +415,34 @@ def _contents(path: Path) -> Contents:
                 and channel.schema_id in schemas
                 and schemas[channel.schema_id].name == _MAP
             ):
-                found.maps.extend(_map(record.data))
+                contents.maps.extend(_map(record.data))
 
     for record in _records(path):
         if isinstance(record, names.Chunk):
             chunks += 1
-            found.compressions.add(record.compression)
+            contents.compressions.add(record.compression)
             for inner in _unpacked(record, path):
                 take(inner)
         elif isinstance(record, names.Metadata):
-            found.metadata.append((record.name, dict(record.metadata)))
+            contents.metadata.append((record.name, dict(record.metadata)))
         elif isinstance(record, names.Attachment):
             if b"<OpenDRIVE" in record.data[:_BLOCK] or record.name.lower().endswith(
                 (".xodr", ".odr")
             ):
-                found.maps.append(AttachedMap(record.name, bytes(record.data), "attachment"))
+                contents.maps.append(AttachedMap(record.name, bytes(record.data), "attachment"))
         elif isinstance(record, names.ChunkIndex):
             indexed += 1
         else:
-            found.unchunked += isinstance(record, names.Message)
+            contents.unchunked += isinstance(record, names.Message)
             take(record)
     for key, channel in channels.items():
         schema = schemas.get(channel.schema_id)
-        found.channels[key] = Channel(
+        contents.channels[key] = Channel(
             channel.topic, schema.name if schema else "", schema.encoding if schema else "", channel.message_encoding,
             dict(channel.metadata), counts.get(key, 0),
         )  # fmt: skip
-    found.indexed = indexed == chunks
-    return found
+    contents.indexed = indexed == chunks
+    return contents
 
 
 def _messages(path: Path, channel: int) -> Iterator[tuple[bytes, int]]:

@@ -171,14 +171,14 @@ def _kind(root: etree._Element) -> str:
 def _schemas(folder: str) -> dict[tuple[str, int, int], Schema]:
     if folder and not Path(folder).expanduser().is_dir():
         raise UsageError(f"{SCHEMA_DIR} names {folder!r}, which is not a folder")
-    found: dict[tuple[str, int, int], Schema] = {}
+    schemas: dict[tuple[str, int, int], Schema] = {}
     bases: dict[tuple[str, tuple[int, int, int]], Schema] = {}
     for files in (_installed(), Path(folder).expanduser().rglob("*.xsd") if folder else ()):
         group = sorted(
             (schema for path in files if (schema := _read(path))),
             key=lambda schema: (schema.version, schema.path),
         )
-        found |= {(schema.standard, *schema.version[:2]): schema for schema in group}
+        schemas |= {(schema.standard, *schema.version[:2]): schema for schema in group}
         bases |= {(schema.standard, schema.version): schema for schema in group}
     for difference in known_differences():
         base = _base(difference, bases)
@@ -186,9 +186,9 @@ def _schemas(folder: str) -> dict[tuple[str, int, int], Schema]:
             made = Schema(
                 difference.standard, difference.version, base.path, (*base.differences, difference)
             )
-            found.setdefault((made.standard, *made.version[:2]), made)
+            schemas.setdefault((made.standard, *made.version[:2]), made)
             bases.setdefault((made.standard, made.version), made)
-    return found
+    return schemas
 
 
 def _base(

@@ -256,21 +256,21 @@ class RoadDesign:
     @property
     def poses(self) -> list[PlanPose]:
         """Poses at the start of each piece of the reference line, and at its end."""
-        found = [self.start]
+        reached = [self.start]
         for piece in self.plan:
-            found.append(piece.after(found[-1]))
-        return found
+            reached.append(piece.after(reached[-1]))
+        return reached
 
     def poses_at(self, stations: Sequence[float]) -> list[PlanPose]:
         """Poses of the reference line at places s (m), in ascending order, within its length."""
-        found, starts = [], self.poses
+        poses, starts = [], self.poses
         begins = list(accumulate((piece.length for piece in self.plan), initial=0.0))
         for s in stations:
             number = min(max(bisect_right(begins, s) - 1, 0), len(self.plan) - 1)
             way = min(s - begins[number], self.plan[number].length)
             here = starts[number]
-            found.append(self.plan[number].first(way).after(here) if way > 0.0 else here)
-        return found
+            poses.append(self.plan[number].first(way).after(here) if way > 0.0 else here)
+        return poses
 
 
 @dataclass(frozen=True)

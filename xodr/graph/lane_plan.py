@@ -165,13 +165,13 @@ class LanePlan:
 
     def missed(self, leg: int, s: float, lane: int) -> list[Checkpoint]:
         """Waypoints that are not passed in their lanes from an s on a leg, in a lane."""
-        found: list[Checkpoint] = []
+        passed: list[Checkpoint] = []
         index = self._index(leg, s)
         while index is not None and index < len(self._cells) and lane in self._lanes[index]:
             lane = self._best(index, lane)[1]
             asked = self._cells[index].checkpoint
             if asked is not None and asked.lane not in (None, lane):
-                found.append(asked)
+                passed.append(asked)
             if index + 1 == len(self._cells):
                 break
             onwards = [(index + 1, following) for following in self._next(index, lane)]
@@ -182,7 +182,7 @@ class LanePlan:
             if not onwards:
                 break
             index, lane = min(onwards, key=lambda one: self._begins[one[0]].get(one[1], math.inf))
-        return found
+        return passed
 
     # cells ----------------------------------------------------------------------------------
 

@@ -167,7 +167,7 @@ class Router:
         junction = roads[way.road_id].junction_id
         if junction is None or roads[after[0].road_id].junction_id == junction:
             return []
-        found: list[Stretch] = []
+        parallel: list[Stretch] = []
         for step in self._ways.steps(before[0], driven=True):
             road = roads[step.following.road_id]
             leave = road.length if step.following.forward else 0.0
@@ -175,8 +175,8 @@ class Router:
             other = road.junction_id == junction and step.following != way
             through = onto in self._ways.steps(step.following, driven=True)
             if other and through and step.leave == before[2]:
-                found.append((step.following, step.enter, leave))
-        return found
+                parallel.append((step.following, step.enter, leave))
+        return parallel
 
     def _stretches(
         self,

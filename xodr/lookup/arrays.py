@@ -266,16 +266,16 @@ def _lanes_of_side(
     here: tuple[int, ...],
     beyond: tuple[int, ...],
 ) -> IntArray:
-    found = np.zeros(len(s), np.int64)
+    lanes = np.zeros(len(s), np.int64)
     searching = np.ones(len(s), bool)
     for lane_id in here:
         lane = section.lanes[lane_id]
         there = searching & (values(lane.width, s) > NO_WIDTH)
-        found[there] = lane_id
+        lanes[there] = lane_id
         searching &= ~(there & (away <= np.abs(values(lane.outer, s) - centre)))
     for lane_id in beyond:
-        found[(found == 0) & (values(section.lanes[lane_id].width, s) > NO_WIDTH)] = lane_id
-    return found
+        lanes[(lanes == 0) & (values(section.lanes[lane_id].width, s) > NO_WIDTH)] = lane_id
+    return lanes
 
 
 Points = FloatArray

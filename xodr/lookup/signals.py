@@ -63,7 +63,7 @@ def _lanes(road: Road, signal: Signal | SignalReference) -> list[Key]:
     """Lanes at the place of a signal on which it holds."""
     number = road.section_index(min(max(signal.s, 0.0), road.length))
     section = road.sections[number]
-    found = []
+    lanes = []
     for lane_id in (*section.right, *section.left):
         towards_s = road.direction(lane_id, section.s) > 0
         if signal.validity:
@@ -71,8 +71,8 @@ def _lanes(road: Road, signal: Signal | SignalReference) -> list[Key]:
         else:
             holds = signal.orientation not in ("+", "-") or (signal.orientation == "+") == towards_s
         if holds:
-            found.append((road.id, number, lane_id))
-    return found
+            lanes.append((road.id, number, lane_id))
+    return lanes
 
 
 def lamps(signal: Signal) -> tuple[str, ...]:

@@ -287,13 +287,13 @@ def _network(path: Path, root: etree._Element, remarks: tuple[Remark, ...] = ())
 
 
 def _by_id(root: etree._Element, tag: str, read: Callable[[etree._Element], T]) -> dict[str, T]:
-    found: dict[str, T] = {}
+    by_id: dict[str, T] = {}
     for element in root.iterfind(tag):
         name = text(element, "id")
-        if name in found:
+        if name in by_id:
             raise invalid(element, f"the id {name!r} is used twice")
-        found[name] = read(element)
-    return found
+        by_id[name] = read(element)
+    return by_id
 
 
 def _check_references(

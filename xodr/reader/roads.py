@@ -92,7 +92,7 @@ def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
     elements = lanes.findall("laneSection")
     starts = ascending(elements, "s")
     offset = profile(lanes.findall("laneOffset"))
-    found = []
+    temporary = []
     for index, (element, start) in enumerate(zip(elements, starts, strict=True)):
         until = min(
             start + number(element, "length", math.inf) if element.get("length") else math.inf,
@@ -106,10 +106,10 @@ def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
             for side in ("left", "right")
         ]
         if max(ends) > start:
-            found.append(
+            temporary.append(
                 TemporaryStretch(_section(element, start, max(ends), offset, TEMPORARY), *ends)
             )
-    return found
+    return temporary
 
 
 def _covers(section: etree._Element, side: str) -> bool:
@@ -224,11 +224,11 @@ def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float,
     are 0."""
     records = element.findall("height")
     offsets = ascending(records, "sOffset") if records else []
-    found = tuple(
+    heights = tuple(
         (start + offset, number(record, "inner"), number(record, "outer"))
         for offset, record in zip(offsets, records, strict=True)
     )
-    return found if any(inner or outer for _, inner, outer in found) else ()
+    return heights if any(inner or outer for _, inner, outer in heights) else ()
 
 
 def _relative(elements: list[etree._Element], start: float) -> Profile:
@@ -274,17 +274,17 @@ def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float |
 def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
     """Access restrictions by place: one element with all of them since 1.8, before that one for
     each road user."""
-    found: dict[float, LaneAccess] = {}
+    accesses: dict[float, LaneAccess] = {}
     for record in element.iterfind("access"):
         s = start + number(record, "sOffset", 0.0)
         named = [
             record.get("restriction"),
             *(restriction.get("type") for restriction in record.iterfind("restriction")),
         ]
-        before = found[s].users if s in found else ()
+        before = accesses[s].users if s in accesses else ()
         users = tuple(user for user in named if user and user != "none")
-        found[s] = LaneAccess(s, record.get("rule", "deny") == "allow", before + users)
-    return tuple(found[s] for s in sorted(found))
+        accesses[s] = LaneAccess(s, record.get("rule", "deny") == "allow", before + users)
+    return tuple(accesses[s] for s in sorted(accesses))
 
 
 def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:

@@ -61,7 +61,7 @@ def single_sided(section: etree._Element) -> bool:
 def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[str, list[Section]]:
     """The lane sections of a road by layer, with the s at which they end: at the next one of their
     side, or before."""
-    length, found = document.number(road, "length"), dict[str, list[Section]]()
+    length, sections = document.number(road, "length"), dict[str, list[Section]]()
     for lanes in road.iterfind("{*}lanes"):
         layer = lanes.get("layer") or PERMANENT
         starts = [
@@ -77,8 +77,8 @@ def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[s
             end = next(after, length if length is not None else math.inf)
             own = document.number(section, "length")
             end = min(end, s + own) if own is not None else end
-            found.setdefault(layer, []).append(Section(section, s, end, layer))
-    return found
+            sections.setdefault(layer, []).append(Section(section, s, end, layer))
+    return sections
 
 
 def _same_side(section: etree._Element, other: etree._Element) -> bool:

@@ -374,9 +374,11 @@ def _places(top: Node, name: str, value: str) -> list[Node]:
     """The first element that gives a parameter a value; none where that is computed, or given
     otherwise."""
     for holder in top.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
-        found = [element for element in holder.iter("Element") if element.get("value", "") == value]
-        if holder.get("parameterName", "") == name and found:
-            return found[:1]
+        places = [
+            element for element in holder.iter("Element") if element.get("value", "") == value
+        ]
+        if holder.get("parameterName", "") == name and places:
+            return places[:1]
     assignments = top.iter("ParameterAssignment")
     return [
         assignment

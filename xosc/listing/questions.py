@@ -174,16 +174,16 @@ class _Parser:
         if self._take("word", "between"):
             low = self._compared(left, at._replace(text=">="), self._operand())
             self._need("word", "and")
-            found = low & self._compared(left, at._replace(text="<="), self._operand())
+            comparison = low & self._compared(left, at._replace(text="<="), self._operand())
         elif self._take("word", "in"):
-            found = self._listed(left)
+            comparison = self._listed(left)
         elif self._take("word", "like"):
-            found = self._alike(left, at)
+            comparison = self._alike(left, at)
         elif left.type == "truth" and inverted is None:
             return left.expression
         else:
             raise self._wrong(at, f"a comparison is expected: {_COMPARISONS}")
-        return ~found if inverted else found
+        return ~comparison if inverted else comparison
 
     def _listed(self, left: _Operand) -> Any:
         self._need("sign", "(")

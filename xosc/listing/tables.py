@@ -310,12 +310,12 @@ def copy_rows(index: Index, table: pa.Table, folder: Folder) -> int:
 def _catalogs(root: Path, name: str) -> list[str]:
     """Names of the catalogue files that a scenario refers to, relative to the root."""
     locations = load(_inside(root, name)).node.find("CatalogLocations")
-    found = []
+    catalogs = []
     for location in locations.children() if locations is not None else ():
         directory = location.need("Directory")
         below = os.path.normpath(PurePosixPath(name).parent / directory.get("path"))
-        found += [f"{below}/{file.name}" for file in sorted(_inside(root, below).glob("*.xosc"))]
-    return found
+        catalogs += [f"{below}/{file.name}" for file in sorted(_inside(root, below).glob("*.xosc"))]
+    return catalogs
 
 
 def _inside(root: Path, name: str) -> Path:

@@ -414,13 +414,13 @@ def _directory(scenario: Node, location: str) -> Directory | None:
 
 def _assignments(reference: Node) -> dict[str, Assignment]:
     parameters = reference.find("ParameterAssignments")
-    found: dict[str, Assignment] = {}
+    assignments: dict[str, Assignment] = {}
     for node in parameters.children("ParameterAssignment") if parameters else ():
         name = node.get("parameterRef")
-        if name in found:
+        if name in assignments:
             raise node.invalid(f"the parameter {quoted(name)} is assigned twice")
-        found[name] = Assignment(node.get("value"), node.invalid, remark=node.remark)
-    return found
+        assignments[name] = Assignment(node.get("value"), node.invalid, remark=node.remark)
+    return assignments
 
 
 def _argument(value: Argument, scenario: Node) -> Assignment:

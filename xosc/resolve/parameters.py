@@ -372,14 +372,14 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
     Raises:
         InvalidFile: a declaration is malformed, or its value is not of its type.
     """
-    found: dict[str, Variable] = {}
+    declared: dict[str, Variable] = {}
     for name, declaration in _by_name(declarations).items():
         text = declaration.get("value")
         try:
             kind = type_named(declaration.get("variableType"))
             if text.startswith(MARK):
                 varying = _in_many_sets(name, kind, text, None)
-                found[name] = Variable(name, kind, varying.value, varying.text, varying.column)
+                declared[name] = Variable(name, kind, varying.value, varying.text, varying.column)
                 continue
             spelled = meant(kind, text)
         except ValueError as error:
@@ -388,8 +388,8 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
             message = f"the value of the variable {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
             remarks.add(declaration.remark(TYPED, message))
         value = typed(kind, spelled)
-        found[name] = Variable(name, kind, value, literal(kind, value, spelled))
-    return found
+        declared[name] = Variable(name, kind, value, literal(kind, value, spelled))
+    return declared
 
 
 def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
@@ -399,20 +399,20 @@ def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
 
 
 def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
-    found: dict[str, Node] = {}
+    by_name: dict[str, Node] = {}
     for declaration in declarations:
         name = declaration.get("name")
         if "$" in name:
             raise declaration.invalid(
                 f"the declared name {quoted(name)} must be written without '$'"
             )
-        first = found.get(name)
+        first = by_name.get(name)
         if first and canonical(first.element) != canonical(declaration.element):
             raise declaration.invalid(
                 f"{quoted(name)} is declared twice and differently, first in line {first.line}"
             )
-        found[name] = declaration
-    return found
+        by_name[name] = declaration
+    return by_name
 
 
 def _in_order(sources: Mapping[str, Assignment]) -> list[str]:

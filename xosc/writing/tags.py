@@ -118,12 +118,12 @@ def tags_of(scenario: str | PathLike[str]) -> list[Tag]:
     beside = path.with_name(f"{path.stem}.openlabel.json")
     if beside.is_file():
         return read(beside)
-    found = {
+    tags = {
         entry.get("name", ""): entry.get("value", "")
         for entry in load(path).root.iterfind("FileHeader/Properties/Property")
     }
     named = {
-        name.removeprefix(PREFIX): value for name, value in found.items() if name.startswith(PREFIX)
+        name.removeprefix(PREFIX): value for name, value in tags.items() if name.startswith(PREFIX)
     }
     return _sorted([Tag(name, None if value == "true" else value) for name, value in named.items()])
 

@@ -28,15 +28,15 @@ _Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
 def _once(work: _Work[_Found]) -> _Work[_Found]:
     """The same model of the same rows is asked for by every round of a loop and by the tables of a
     report: work it out once."""
-    found: dict[Hashable, _Found] = {}
+    results: dict[Hashable, _Found] = {}
 
     @wraps(work)
     def remembering(name: str, theta: FloatArray, recordings: NDArray[Any]) -> _Found:
         content = hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
         key = name, theta.shape, content
-        if key not in found:
-            found[key] = work(name, theta, recordings)
-        return found[key]
+        if key not in results:
+            results[key] = work(name, theta, recordings)
+        return results[key]
 
     return remembering
 
@@ -510,12 +510,12 @@ class RecordedPrior(Prior):
 
 
 def _gaussians(density: Density, name: str) -> Components:
-    found = density.gaussians
-    if found is None:
+    gaussians = density.gaussians
+    if gaussians is None:
         raise UsageError(
             f"the density {name} can't be conditioned on pinned values; kde, mixture and gaussian can"
         )
-    return found
+    return gaussians
 
 
 QUANTILE = 0.999

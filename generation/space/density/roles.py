@@ -50,21 +50,21 @@ def roles_of(
     the ego's, or where the ego acts the leader's. Scenarios of catalogues have one actor, whose
     parameters have no name in front.
     """
-    names, found = list(names), dict(mapped or {})
-    if not found:
+    names, roles = list(names), dict(mapped or {})
+    if not roles:
         split = {name: name.partition("_") for name in names}
-        found |= {
+        roles |= {
             name: Role(actor, _OF_SHORT[short])
             for name, (actor, _, short) in split.items()
             if short in _OF_SHORT
         }
-        found |= {name: Role("", _OF_SHORT[name]) for name in names if name in _OF_SHORT}
-        actors = [role.actor for role in found.values()]
+        roles |= {name: Role("", _OF_SHORT[name]) for name in names if name in _OF_SHORT}
+        actors = [role.actor for role in roles.values()]
         # Names that mean the speed of the vehicle that does not act.
         passive = (
             f"{LEAD if ego in actors else ego}_{_SPEED}",
             CATALOGUED_EGO_SPEED,
             CATALOGUED_OTHER_SPEED,
         )
-        found |= {name: Role(actors[0], EGO_SPEED) for name in names if actors and name in passive}
-    return {name: found[name] for name in names if name in found}
+        roles |= {name: Role(actors[0], EGO_SPEED) for name in names if actors and name in passive}
+    return {name: roles[name] for name in names if name in roles}

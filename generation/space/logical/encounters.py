@@ -97,7 +97,7 @@ counterclockwise."""
 
 def _at_junctions() -> dict[str, Encounter]:
     """Return the encounters at each of the two junctions; the T junction has one way straight on."""
-    found: dict[str, Encounter] = {}
+    encounters: dict[str, Encounter] = {}
     for name, (file, where) in _JUNCTIONS.items():
         is_crossroad = name == "four_way_intersection"
         from_side = _course(SOUTH, NORTH), _course(WEST, EAST), STRAIGHT_ON, 2.5
@@ -106,7 +106,7 @@ def _at_junctions() -> dict[str, Encounter]:
             if is_crossroad
             else (_course(WEST, EAST), _course(SOUTH, WEST), TURNING, -2.5)
         )
-        found |= {
+        encounters |= {
             f"unsignalised_left_turn_{name}": Encounter(
                 f"The ego turns left in front of oncoming traffic, {where}", "left turn", Label.LEFT_TURN,
                 file, _course(EAST, SOUTH), "Oncoming", _course(WEST, EAST), STRAIGHT_ON, 2.5,
@@ -124,7 +124,7 @@ def _at_junctions() -> dict[str, Encounter]:
                 file, _course(SOUTH, EAST, 2), "Merging", _course(WEST, EAST, 2), STRAIGHT_ON, -1.5,
             ),
         }  # fmt: skip
-    return found
+    return encounters
 
 
 ENCOUNTERS = _at_junctions() | {

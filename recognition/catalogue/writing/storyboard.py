@@ -443,17 +443,17 @@ def _road_ends(
     ways = {EGO: (_ego_left(maneuver, network, followed), maneuver.ego, maneuver.ego_acts)}
     if maneuver.other is not None:
         ways[other] = (_other_left(maneuver, network), maneuver.other, not maneuver.ego_acts)
-    found = []
+    road_ends = []
     for who, (left, track, acts) in ways.items():
         if left.value >= _FAR / 2.0:
             continue
         room = left.value - track.box.x - 0.5 * track.box.length - _MARGIN
         if room < (acting if acts else maneuver.speed * (delay + duration)):
             raise Unsupported(f"the road of {who} ends before the manoeuvre does")
-        found.append(
+        road_ends.append(
             [maneuvers.traveled_distance(who, f"${{{left.text} - {left.value - room:.3f}}}")]
         )
-    return found
+    return road_ends
 
 
 def _ego_left(maneuver: RecordedManeuver, network: RoadNetwork, followed: Paths) -> _Left:

@@ -489,12 +489,12 @@ def _pair(context: _Context) -> dict[str, Any]:
         context.material.scenes.recording,
         context.material.site,
     )
-    found: dict[str, Any] = dict.fromkeys(PAIR)
+    pair: dict[str, Any] = dict.fromkeys(PAIR)
     if finding is None:
-        return found
+        return pair
     ego = recording.tracks[finding.moment.ego]
     at = _row(ego, finding.moment.time)
-    found["ego_speed"] = round(float(ego.columns["speed"][at]), 3)
+    pair["ego_speed"] = round(float(ego.columns["speed"][at]), 3)
     lanes, (road, lane, s) = (
         site.lanes,
         (ego.columns[name][at : at + 1] for name in ("road_id", "lane_id", "s")),
@@ -502,14 +502,14 @@ def _pair(context: _Context) -> dict[str, Any]:
     strip = lanes.find(road, lane.astype(np.int64), s)
     if lanes.contains(strip, s, ego.columns["lane_offset"][at : at + 1])[0]:
         limit = float(lanes.speed_limit[strip[0]])
-        found["road_kind"] = str(ROLES[site.roles.codes(lanes, strip, s)[0]])
-        found["limit"] = round(limit, 3) if math.isfinite(limit) else None
+        pair["road_kind"] = str(ROLES[site.roles.codes(lanes, strip, s)[0]])
+        pair["limit"] = round(limit, 3) if math.isfinite(limit) else None
     lights = context.material.lights
-    found["light"] = lights.ahead(ego, finding.moment.time) if lights is not None else None
+    pair["light"] = lights.ahead(ego, finding.moment.time) if lights is not None else None
     partner = recording.tracks.get(finding.moment.partner or "")
     if partner is not None:
-        found |= _encounter(ego, partner, finding)
-    return found
+        pair |= _encounter(ego, partner, finding)
+    return pair
 
 
 def _encounter(ego: Track, partner: Track, finding: Detection) -> dict[str, Any]:

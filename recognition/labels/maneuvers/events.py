@@ -220,10 +220,10 @@ class _EgoPath:
         if reach <= path.at(self._begins):
             return None
         x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
-        found = ConflictPoint(
+        conflict = ConflictPoint(
             track, path, x, y, reach, float(np.interp(reach, path.station, path.time))
         )
-        return abs(float(time[place] - self._then[nearest[first]])), found
+        return abs(float(time[place] - self._then[nearest[first]])), conflict
 
 
 JUNCTION = (Label.LEFT_TURN, Label.RIGHT_TURN, Label.STRAIGHT_CROSS, Label.MERGING)

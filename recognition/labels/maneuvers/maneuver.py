@@ -234,5 +234,5 @@ def recorded_speeds(
     time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
     seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
     distance = path.at(start + time) - path.at(start)
-    found: list[float] = fit_speeds(distance_model(time, duration, rest), distance, seen).tolist()
-    return found
+    speeds: list[float] = fit_speeds(distance_model(time, duration, rest), distance, seen).tolist()
+    return speeds

@@ -81,14 +81,14 @@ def sources(path: Path, roads: Path) -> list[Source]:
     scenes = read_records(path, _SCENES)
     logs = read_records(path.with_name("log.json"), {"token": "text", "location": "text"})
     location = dict(zip(logs["token"], logs["location"], strict=True))
-    found = []
+    recordings = []
     for row, (token, name, log) in enumerate(zip(*(scenes[key] for key in _SCENES), strict=True)):
         if log not in location:
             raise scenes.fault(row, "log_token", f"{log} is not in log.json")
         site = location[log]
         map_ = _map(path, site)
         road = partial(_road, map_ or path.parent / "maps" / "expansion" / f"{site}.json", name)
-        found.append(
+        recordings.append(
             Source(
                 name,
                 site,
@@ -100,7 +100,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
                 ego=lambda: EGO,
             )
         )
-    return found
+    return recordings
 
 
 def _map(path: Path, location: str) -> Path | None:
@@ -211,20 +211,21 @@ def _categories_of(path: Path) -> dict[str, str]:
     """Category of each instance."""
     instances = _beside(path, "instance", {"token": "text", "category_token": "text"})
     table = _beside(path, "category", {"token": "text", "name": "text"})
-    found = {}
+    categories = {}
     for row, (token, name) in enumerate(zip(table["token"], table["name"], strict=True)):
-        found[token] = next(
+        categories[token] = next(
             (kind for start, kind in _CATEGORIES.items() if name.startswith(start)), ""
         )
-        if not found[token]:
+        if not categories[token]:
             raise table.fault(row, "name", f"{name!r} begins with none of {', '.join(_CATEGORIES)}")
     unknown = next(
-        (row for row, token in enumerate(instances["category_token"]) if token not in found), None
+        (row for row, token in enumerate(instances["category_token"]) if token not in categories),
+        None,
     )
     if unknown is not None:
         raise instances.fault(unknown, "category_token", "it is not in category.json")
     return {
-        token: found[kind]
+        token: categories[kind]
         for token, kind in zip(instances["token"], instances["category_token"], strict=True)
     }
 
@@ -378,7 +379,7 @@ def _lanes(
         for one in records(document, "lane", path, "map")
     }
     links = named(document, "connectivity", path, "map")
-    found, short = [], 0
+    lanes, short = [], 0
     for token, arcs in value(document, "arcline_path_3", dict, path, "map").items():
         line = _line(arcs, path, f"arcline_path_3 {token}")
         if not (
@@ -391,7 +392,7 @@ def _lanes(
         after = links.get(token, {})
         outgoing = value(after, "outgoing", list, path, f"connectivity {token}") if after else []
         kind = "biking" if types.get(token) == "BIKE" else "driving"
-        found.append(
+        lanes.append(
             CentreLine(
                 token,
                 line,
@@ -399,7 +400,7 @@ def _lanes(
                 successors=tuple(str(other) for other in outgoing if other != token),
             )
         )
-    return found, short
+    return lanes, short
 
 
 def _line(arcs: Any, path: Path, element: str) -> FloatArray:

@@ -181,7 +181,7 @@ def _lights(path: Path) -> LightStates | None:
         InvalidFile: a light has other numbers of states than of places or steps, or a place is no
             number.
     """
-    found, x, y, steps = [], [], [], 0
+    lights, x, y, steps = [], [], [], 0
     for lane, one in _lit_lanes(read_object(path), path).items():
         element = f"traffic light of lane {lane}"
         if not isinstance(one, dict):
@@ -200,13 +200,15 @@ def _lights(path: Path) -> LightStates | None:
         if not all(type(step) is int and step >= 0 for step in index):
             raise InvalidFile("time_index holds numbers of steps", path=path, element=element)
         at = _numbers([place[0] for place in places], "x or y", path, element)
-        found.append(dict(zip(index, map(str, states), strict=True)))
+        lights.append(dict(zip(index, map(str, states), strict=True)))
         x.append(float(at[0]))
         y.append(float(at[1]))
         steps = max(steps, 1 + max(index))
-    if not found:
+    if not lights:
         return None
-    states_of = tuple(tuple(light.get(step, "unknown") for step in range(steps)) for light in found)
+    states_of = tuple(
+        tuple(light.get(step, "unknown") for step in range(steps)) for light in lights
+    )
     return LightStates(
         np.array(x), np.array(y), np.array([_STEP * step for step in range(steps)]), states_of
     )

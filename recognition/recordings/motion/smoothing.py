@@ -51,12 +51,12 @@ def edges(
     turns = np.flatnonzero(speed[1:] * speed[:-1] < 0.0)
     turns = turns[~np.isin(turns + 1, rows.starts)]
     track = np.searchsorted(rows.starts, turns, side="right") - 1
-    found: list[Edge] = []
+    pieces: list[Edge] = []
     for index in np.unique(track).tolist():
         if who[index].kind in _MOVING:
             own = turns[track == index]
-            found += _of(rows, index, int(own[0]), int(own[-1]), speed, acceleration)
-    return found
+            pieces += _of(rows, index, int(own[0]), int(own[-1]), speed, acceleration)
+    return pieces
 
 
 def _of(

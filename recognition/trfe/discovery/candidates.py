@@ -215,13 +215,13 @@ def judge(
         raise UsageError(
             f"clusters {numbers.shape} and similarity {similarity.shape} are not of {len(table)} samples"
         )
-    found = []
+    judgements = []
     for number in np.unique(numbers):
         members = np.flatnonzero(numbers == number)
         close = cohesion(similarity[np.ix_(members, members)])
         ratio = float(prototypes.ratio(table[members].mean(axis=0, keepdims=True))[0])
         reason = _objection(len(members), close, ratio, reference, config)
-        found.append(
+        judgements.append(
             Candidate(
                 int(number),
                 members,
@@ -232,7 +232,7 @@ def judge(
                 reason,
             )
         )
-    return found
+    return judgements
 
 
 def _objection(size: int, close: float, ratio: float, reference: float, config: Promotion) -> str:

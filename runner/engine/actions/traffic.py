@@ -138,9 +138,11 @@ class _Source(_Running):
         assert run.roads.network is not None
         centre = action.position.resolve(run)
         near = Ellipse(centre.x, centre.y, 0.0, action.radius, action.radius)
-        found = [place for place in places_of(run.roads.network) if near.contains(place.x, place.y)]
-        if found:
-            return found
+        places = [
+            place for place in places_of(run.roads.network) if near.contains(place.x, place.y)
+        ]
+        if places:
+            return places
         point = centre.point or run.roads.network.locate(centre.x, centre.y, centre.z, centre.h)
         if not run.roads.network.on_road(point):
             raise action.node.invalid("there is no lane within the radius of the position")

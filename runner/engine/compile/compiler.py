@@ -223,14 +223,14 @@ class ScenarioContext:
         Public files hold an empty Action on purpose. An empty PrivateAction, or wrapper inside it,
         is an unfinished action.
         """
-        found: list[Action] = []
+        nested: list[Action] = []
         pending = node.children()
         if not pending:
             text = f"{_named(node)}: an action is expected inside; without one it does nothing"
             self.repair(node, EMPTY_ELEMENTS_UID, text, "" if node.tag == "Action" else "empty")
         for child in pending:
-            found += self.actions(child) if child.tag in WRAPPERS else [self._action(child)]
-        return found
+            nested += self.actions(child) if child.tag in WRAPPERS else [self._action(child)]
+        return nested
 
     def condition(self, node: Node) -> Condition:
         """The condition inside a Condition element."""
@@ -273,8 +273,8 @@ class ScenarioContext:
     def _action(self, node: Node) -> Action:
         if self._varies(node) and getattr(_class(registry.action, node), "run_by_run", False):
             return VaryingAction(node, partial(self._rebuilt, registry.action))
-        found: Action = self._build(registry.action, node)
-        return found
+        action: Action = self._build(registry.action, node)
+        return action
 
     def _varies(self, node: Node) -> bool:
         """Whether an element has numbers that vary between the parameter sets for which it is read."""
@@ -530,15 +530,15 @@ def _named(node: Node) -> str:
 def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
     """Return the children of a storyboard element that must have some. Without it ends as soon as
     it starts, untested."""
-    found = node.children(tag)
-    if not found:
+    parts = node.children(tag)
+    if not parts:
         context.repair(
             node,
             EMPTY_ELEMENTS_UID,
             f"{_named(node)}: an element {tag} is expected inside; without one it does nothing",
             "" if tag == "Maneuver" else "empty",  # a ManeuverGroup may be empty
         )
-    return found
+    return parts
 
 
 def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:

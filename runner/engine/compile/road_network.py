@@ -73,19 +73,19 @@ def roads_for(
     None where there is no LogicFile and no position that needs one.
     """
     logic = logic_file(scenario)
-    found = _own(logic, road, road_path)
-    if found is None and road != "auto":
-        found = _given(scenario, logic, road)
-    if found is None:
+    roads = _own(logic, road, road_path)
+    if roads is None and road != "auto":
+        roads = _given(scenario, logic, road)
+    if roads is None:
         resolved = resolve(
             load(scenario.path), enforce_constraints=enforce_constraints, catalog_path=catalog_path
         )
-        found = _made(resolved.node, logic)
-    if found is None and logic is not None:
+        roads = _made(resolved.node, logic)
+    if roads is None and logic is not None:
         raise logic.invalid(
             "--road auto makes the roads that positions name, and no position of this scenario names one"
         )
-    return found
+    return roads
 
 
 def _own(logic: Node | None, road: str | None, road_path: Sequence[str]) -> RoadFile | None:
@@ -164,7 +164,7 @@ def road_uses(scenario: Node) -> list[RoadUse]:
     steps = [*(target.int("value") for target in scenario.iter("RelativeTargetLane"))]
     steps += [position.int("dLane") for position in scenario.iter("RelativeLanePosition")]
     reach = max(map(abs, steps), default=0)
-    found = []
+    uses = []
     for road in ends:
         right, left = (
             max((side * lane for lane in lanes[road] | absolute if side * lane > 0), default=0)
@@ -174,8 +174,8 @@ def road_uses(scenario: Node) -> list[RoadUse]:
             left, right = max(left, reach - right + 1, 0), right + reach
         else:
             left, right = left + reach, max(reach - left + 1, 0)
-        found.append(RoadUse(road, math.ceil(ends[road] + _AHEAD), right, left))
-    return found
+        uses.append(RoadUse(road, math.ceil(ends[road] + _AHEAD), right, left))
+    return uses
 
 
 def _lane_at(t: float) -> int:

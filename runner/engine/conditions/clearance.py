@@ -169,10 +169,10 @@ def _lanes_under(road: Road, seen: Bearing, right: float, left: float) -> list[i
     its road."""
     s = seen.b.s
     section = road.section(s)
-    found = []
+    lanes_under = []
     for lane_id in road.lane_ids(s):
         lane = section.lanes[lane_id]
         low, high = sorted((lane.inner(s), lane.outer(s)))
         if low < left and high > right:
-            found.append(lanes_between(seen.b.lane_id, lane_id))
-    return found
+            lanes_under.append(lanes_between(seen.b.lane_id, lane_id))
+    return lanes_under

@@ -120,7 +120,7 @@ def _check(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -
 def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -> list[float]:
     """Curve parameters of the samples: the knots, and evenly between them as the control polygon's
     length suggests."""
-    found = [knots[order - 1]]
+    parameters = [knots[order - 1]]
     for index in range(order - 1, len(points)):
         start, end = knots[index], knots[index + 1]
         if end <= start:
@@ -130,9 +130,9 @@ def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[floa
         shaping = points[index - order + 1 : index + 1]
         reach = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(shaping))
         count = int(min(max(_FEWEST, reach / _SPACING), _MOST))
-        if len(found) + count > _MOST_OF_ALL:
+        if len(parameters) + count > _MOST_OF_ALL:
             raise ValueError(
                 f"a curve of more than {_MOST_OF_ALL} samples is too long, or has too many control points"
             )
-        found += [start + (end - start) * step / count for step in range(1, count + 1)]
-    return found
+        parameters += [start + (end - start) * step / count for step in range(1, count + 1)]
+    return parameters

@@ -298,7 +298,7 @@ def _unhurried(segment: _Segment, rates: _Rates) -> _Curve:
 
 def _pieces(time: float, segment: _Segment, curve: _Curve) -> list[ProfilePiece]:
     """The pieces of a curve from a time (s) on, and the one after it."""
-    speed, found = segment.start, list[ProfilePiece]()
+    speed, pieces = segment.start, list[ProfilePiece]()
     parts = (
         (curve.rising, curve.first, curve.plateau),
         (curve.holding, curve.plateau, curve.plateau),
@@ -307,14 +307,14 @@ def _pieces(time: float, segment: _Segment, curve: _Curve) -> list[ProfilePiece]
     for duration, before, after in parts:
         if duration <= 0.0:
             continue
-        found.append(
+        pieces.append(
             ProfilePiece(
                 time, speed, before, (after - before) / duration if duration < math.inf else 0.0
             )
         )
         time += duration
         speed += 0.5 * duration * (before + after) if duration < math.inf else 0.0
-    return [*found, ProfilePiece(time, segment.reached, curve.last, 0.0)]
+    return [*pieces, ProfilePiece(time, segment.reached, curve.last, 0.0)]
 
 
 def _rounded(segments: list[_Segment], rates: _Rates) -> list[ProfilePiece] | None:

@@ -125,16 +125,16 @@ def _motion(node: Node | None) -> VertexMotion:
     """Read a Motion; an empty one prescribes nothing."""
     if node is None:
         return VertexMotion()
-    found = VertexMotion(
+    motion = VertexMotion(
         node.finite("speed_longitudinal", None), node.finite("acceleration_longitudinal", None)
     )
-    if found == VertexMotion():
+    if motion == VertexMotion():
         raise node.invalid("speed_longitudinal or acceleration_longitudinal is expected")
-    if found.speed is not None and found.speed < 0.0:
+    if motion.speed is not None and motion.speed < 0.0:
         raise node.unsupported(
-            f"speed_longitudinal={found.speed:g}: a trajectory is followed forwards"
+            f"speed_longitudinal={motion.speed:g}: a trajectory is followed forwards"
         )
-    return found
+    return motion
 
 
 class PolylineShape(TrajectoryShape):

@@ -142,7 +142,7 @@ class Contacts:
         # Two entities move towards each other at the most.
         way = 2.0 * self._longest
         margin = max(_MARGIN, way)  # with those that were near in this step
-        found = []
+        pairs = []
         for index, a in enumerate(order):
             for b in order[index + 1 :]:
                 dx = b.x - a.x
@@ -150,10 +150,10 @@ class Contacts:
                     break
                 near = a.reach + b.reach + margin
                 if dx <= near and abs(b.y - a.y) <= near:
-                    found.append(_pair(a, b, way))
+                    pairs.append(_pair(a, b, way))
         # Half of the margin each: no pair left out can touch before both have used theirs.
         self._due = self._run.displacement.after(_MARGIN / 2)
-        return found
+        return pairs
 
     def _compare(self, found: list[_Contact]) -> None:
         pairs: dict[tuple[str, str], float] = {}

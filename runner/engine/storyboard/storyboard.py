@@ -317,13 +317,13 @@ class Storyboard:
 
     def elements(self) -> list[Element]:
         """All named elements, depth first in document order."""
-        found: list[Element] = []
+        ordered: list[Element] = []
         pending: list[Element] = list(reversed(self.stories))
         while pending:
             element = pending.pop()
-            found.append(element)
+            ordered.append(element)
             pending.extend(reversed(element.children))
-        return found
+        return ordered
 
     def reset(self) -> None:
         """Restore the state before a run."""

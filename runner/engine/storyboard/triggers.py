@@ -351,18 +351,18 @@ class Watch(Generic[Waiting]):
             # Elements that were stopped, or have started, are dropped here and not where it
             # happens: several may change in one step.
             self.awake = [place for place in self.awake if self._watched[place].element.waits]
-        found = []
+        fired = []
         for place in self.awake:
             watched = self._watched[place]
             if watched.trigger is None or watched.trigger.fires(run):
-                found.append(watched.element)
+                fired.append(watched.element)
                 # A fired trigger is not asked for its dormancy in the same step: the element is
                 # about to change.
                 watched.retry = run.step_index + 1
                 self._retry = min(self._retry, watched.retry)
         if self.awake and run.step_index >= self._retry:
             self._settle(run)
-        return found
+        return fired
 
     @property
     def quiet(self) -> float:

@@ -465,9 +465,9 @@ def _between(
 
 def _shortest(one: _Cursor, other: _Cursor) -> RoadPath:
     paths = [one.network.route(pair) for pair in product(one.points(), other.points())]
-    found = min(
+    shortest = min(
         (path for path in paths if path is not None), key=lambda path: path.length, default=None
     )
-    if found is None:
+    if shortest is None:
         raise other.node.invalid("no way leads here from the cursor before")
-    return found
+    return shortest

@@ -480,11 +480,11 @@ def map_elements(
 
 def _refs(numbered: Iterable[tuple[str, SignalPlace, object]]) -> dict[Key, list[str]]:
     """Numbers of the signals that hold on each lane."""
-    found: dict[Key, list[str]] = {}
+    refs: dict[Key, list[str]] = {}
     for number, place, _ in numbered:
         for key in place.lanes:
-            found.setdefault(key, []).append(number)
-    return found
+            refs.setdefault(key, []).append(number)
+    return refs
 
 
 def _sign(number: str, place: SignalPlace, kind: str) -> etree._Element:

@@ -144,9 +144,9 @@ def _measures(result: RunResult) -> dict[float, dict[str, list[dict[str, Any]]]]
     """Return context data of the measures of criticality that are defined, by time (s)."""
     table = result.criticality.table() if result.criticality is not None else {}
     times = table.pop("time", ())
-    found: dict[float, dict[str, list[dict[str, Any]]]] = {}
+    measures: dict[float, dict[str, list[dict[str, Any]]]] = {}
     for row, time in enumerate(times):
-        data = found.setdefault(round(float(time), 9), {})
+        data = measures.setdefault(round(float(time), 9), {})
         for name in (name for name in table if not name.endswith("_valid")):
             value = table[name][row]
             if not table.get(f"{name}_valid", times)[row] and f"{name}_valid" in table:
@@ -157,7 +157,7 @@ def _measures(result: RunResult) -> dict[float, dict[str, list[dict[str, Any]]]]
                 data.setdefault("text", []).append({"name": name, "val": value})
             elif value is not None and np.isfinite(value):
                 data.setdefault("num", []).append(_number(name, value))
-    return found
+    return measures
 
 
 def _context(result: RunResult) -> dict[str, Any]:

@@ -134,7 +134,7 @@ class LogicalLanes:
     def assignments(self, track: Track) -> list[tuple[int, float, float, float] | None]:
         """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to
         it (rad); None off lanes."""
-        found: list[tuple[int, float, float, float] | None] = []
+        assigned: list[tuple[int, float, float, float] | None] = []
         hint = None
         heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()
         for (x, y, _), z, h in zip(box_centre(track).tolist(), heights, headings, strict=True):
@@ -146,12 +146,12 @@ class LogicalLanes:
             number = self._ids.get((road.id, road.sections.index(section), hint.lane_id))
             turn = h - road.heading(hint.s)
             angle = math.atan2(math.sin(turn), math.cos(turn))
-            found.append(
+            assigned.append(
                 (number, hint.s, hint.t, angle)
                 if number is not None and self._network.on_road(hint)
                 else None
             )
-        return found
+        return assigned
 
     @cached_property
     def _messages(self) -> Any:

@@ -135,7 +135,7 @@ def _ids(tracks: Sequence[recording.Track]) -> list[str]:
 def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> _Places:
     """Return the lane position of the front bumper in every row; None off SUMO's lanes."""
     columns, front = track.columns, track.box.x + track.box.length / 2
-    found: list[_Place | None] = []
+    places: list[_Place | None] = []
     for road, lane, s in zip(
         columns["road_id"], columns["lane_id"].tolist(), columns["s"].tolist(), strict=True
     ):
@@ -143,12 +143,12 @@ def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> 
         ahead = s + (front if here is None or here[1].end > here[1].start else -front)
         there = _track(net, road, lane, ahead)
         if there is None:
-            found.append(None)
+            places.append(None)
             continue
         name, along = there
         share = (ahead - along.start) / (along.end - along.start)
-        found.append(_Place(name, min(max(share, 0.0), 1.0) * lengths[name]))
-    return found
+        places.append(_Place(name, min(max(share, 0.0), 1.0) * lengths[name]))
+    return places
 
 
 def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, LaneTrack] | None:

@@ -291,14 +291,14 @@ def _enum(message: Any, name: str) -> str:
 
 def _name(message: Any, key: int, taken: Iterable[str]) -> str:
     """The name in the scenario where the trace has it, else the id."""
-    found = ""
+    name = ""
     for one in message.source_reference:
         if one.type == SCENARIO:
             named = [
                 text.removeprefix(_NAMED) for text in one.identifier if text.startswith(_NAMED)
             ]
-            found = named[0] if named else one.identifier[0] if len(one.identifier) == 1 else ""
-    return found if found and found.isprintable() and found not in taken else str(key)
+            name = named[0] if named else one.identifier[0] if len(one.identifier) == 1 else ""
+    return name if name and name.isprintable() and name not in taken else str(key)
 
 
 def _category(each: _Object, name: str, remarks: list[str]) -> tuple[str, str]:
@@ -344,12 +344,12 @@ def _box(each: _Object, name: str, kind: str, remarks: list[str]) -> BoundingBox
 def _offset(message: Any, kind: str) -> tuple[float, float, float] | None:
     """The vector (m) from the box's centre to the reference point, where the trace has one."""
     if kind == "vehicle" and message.vehicle_attributes.HasField("bbcenter_to_rear"):
-        found = _vector(message.vehicle_attributes.bbcenter_to_rear)
+        offset = _vector(message.vehicle_attributes.bbcenter_to_rear)
     elif kind == "pedestrian" and message.pedestrian_attributes.HasField("bbcenter_to_root"):
-        found = _vector(message.pedestrian_attributes.bbcenter_to_root)
+        offset = _vector(message.pedestrian_attributes.bbcenter_to_root)
     else:
         return None
-    return found if all(abs(value) < _GREATEST for value in found) else None
+    return offset if all(abs(value) < _GREATEST for value in offset) else None
 
 
 def _track(name: str, each: _Object, time: FloatArray, made: TraceRecording) -> Track:

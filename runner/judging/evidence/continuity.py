@@ -159,11 +159,11 @@ def interrupted(
     own = recording.tracks.get(ego.name) if ego is not None else None
     if ego is None or own is None:
         return {}
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     half = recording.timestep / 2
     left = float(own.columns["time"][-1])
     if left < end - half:
-        found[ego.name] = (
+        reasons[ego.name] = (
             f"{ego.name} was removed at {left:.2f} s, {end - left:.2f} s before the end"
         )
     jumps = _jumps(own)
@@ -179,8 +179,8 @@ def interrupted(
             contact = contact_after(own, track, time)
             if contact.after <= APPROACH:
                 told = f"{text} at {time:.2f} s, {contact.after:.2f} s before {ego.name} would touch it"
-                found.setdefault(track.name, told)
-    return found
+                reasons.setdefault(track.name, told)
+    return reasons
 
 
 def _jumps(track: Track) -> list[float]:
@@ -201,8 +201,8 @@ def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> Pred
     """
     own = recording.tracks.get(ego.name) if ego is not None else None
     others = [track for track in recording.tracks.values() if track is not own]
-    found = [contact_after(own, other, end) for other in others] if own is not None else []
-    return min(found, default=_NEVER)
+    contact = [contact_after(own, other, end) for other in others] if own is not None else []
+    return min(contact, default=_NEVER)
 
 
 def contact_after(own: Track, other: Track, time: float) -> PredictedContact:

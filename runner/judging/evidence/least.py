@@ -56,7 +56,7 @@ def least_values(texts: Iterable[str]) -> dict[str, float]:
     Raises:
         UsageError: one has no such form, there is no such evidence, or two are of one kind.
     """
-    found: dict[str, float] = {}
+    least: dict[str, float] = {}
     for text in texts:
         name, equals, number = (part.strip() for part in text.partition("="))
         if not equals:
@@ -71,10 +71,10 @@ def least_values(texts: Iterable[str]) -> dict[str, float]:
             value = math.nan
         if not 0.0 <= value < math.inf:
             raise UsageError(f"--least {text!r}: {number!r} is no number from 0 on")
-        if found.get(name, value) != value:
-            raise UsageError(f"--least {name}: {found[name]:g} and {value:g} are given")
-        found[name] = value
-    return found
+        if least.get(name, value) != value:
+            raise UsageError(f"--least {name}: {least[name]:g} and {value:g} are given")
+        least[name] = value
+    return least
 
 
 CAUSES: Mapping[str, str] = {

@@ -110,7 +110,7 @@ def greatest(
 
     Of equal values those of the first participant, and of its first instant, count.
     """
-    found: list[Extreme] = []
+    extremes: list[Extreme] = []
     for block in blocks(others):
         a, b, _, _, who = common(ego, block)
         if not who.size:
@@ -123,10 +123,11 @@ def greatest(
             Extreme(float(values[row]), float(a.time[rows[row]]), block[who[rows[row]]].name)
             for row, values in tops
         ]
-        found = [
-            max(pair, key=lambda one: one.value) for pair in zip(found or here, here, strict=True)
+        extremes = [
+            max(pair, key=lambda one: one.value)
+            for pair in zip(extremes or here, here, strict=True)
         ]
-    return found
+    return extremes
 
 
 class _Approach(NamedTuple):

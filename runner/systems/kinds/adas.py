@@ -415,8 +415,8 @@ class DriverAssistance:
     def _curvature(ego: Any) -> Any:
         """Curvature of the ego's path by its motion (1/m), positive to the left."""
         cubed = choose(ego.speed < _CRAWL, 0.0, ego.speed**3)
-        found = ratio(ego.vx * ego.ay - ego.vy * ego.ax, cubed, 0.0)
-        return choose(abs(found) > _STRAIGHT, found, 0.0)
+        curvature = ratio(ego.vx * ego.ay - ego.vy * ego.ax, cubed, 0.0)
+        return choose(abs(curvature) > _STRAIGHT, curvature, 0.0)
 
 
 class _Delayed:

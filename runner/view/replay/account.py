@@ -123,10 +123,10 @@ def _brief(entry: LogEntry) -> Sentence:
 
 def _contacts(result: RunResult) -> Iterator[Sentence]:
     """Describe the contacts of a run without an ego."""
-    found = [entry for entry in result.events if entry.kind == "collision"]
-    for entry in found[:3]:
+    contacts = [entry for entry in result.events if entry.kind == "collision"]
+    for entry in contacts[:3]:
         yield Sentence(f"{entry.subject} {entry.text} at {entry.time:.2f} s.", entry.time)
-    if not found:
+    if not contacts:
         yield Sentence("Nobody touched anybody; there is no ego.")
 
 

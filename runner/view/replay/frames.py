@@ -192,10 +192,10 @@ class _View:
 
     def _film(self, times: Sequence[float]) -> list[_Camera]:
         """The camera at each time, moving smoothly."""
-        found = np.array([self._camera(time) for time in self._times])
+        film = np.array([self._camera(time) for time in self._times])
         step = times[1] - times[0] if len(times) > 1 else 1.0
         side = round(_SMOOTH / step / 2)
-        padded = np.pad(found, ((side, side), (0, 0)), mode="edge")
+        padded = np.pad(film, ((side, side), (0, 0)), mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * side + 1, axis=0)
         return [_Camera(*row) for row in windows.mean(axis=2).tolist()]
 

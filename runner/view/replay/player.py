@@ -356,13 +356,13 @@ def _curves(
 ) -> list[dict[str, Any]]:
     columns = ego.columns
     always = np.ones(len(columns["time"]), bool)
-    found = [
+    curves = [
         ("speed", "Ego speed", "m/s", columns["speed"], always),
         ("acceleration", "Ego acceleration", "m/s²", columns["acceleration"], always),
     ]
     if criticality is not None:
         table = criticality.table()
-        found += [
+        curves += [
             (name, label, unit, table[name], table[f"{name}_valid"])
             for name, label, unit in _MEASURES
         ]
@@ -379,7 +379,7 @@ def _curves(
                 for start, rows in _parts(columns["time"], valid, dt, stride)
             ],
         }
-        for name, label, unit, values, valid in found
+        for name, label, unit, values, valid in curves
     ]
 
 

@@ -472,12 +472,12 @@ def _placed(road: Road, thing: RoadObject, points: Line) -> Line:
 def signals(network: RoadNetwork, area: Area) -> list[dict[str, Any]]:
     """Signals within an area: id, place of the foot (m), name, whether it changes; height above the
     foot (m), type, heading of the face (rad), and whether the back has one, too."""
-    found = []
+    shown = []
     for signal in network.signals.values():
         x, y, z, h, *_ = network.road(signal.road_id).pose(signal.s, signal.t)
         if area.west <= x <= area.east and area.south <= y <= area.north:
             seen_from = h + signal.h_offset + (0.0 if signal.orientation == "-" else math.pi)
-            found.append(
+            shown.append(
                 {
                     "id": signal.id,
                     "x": x,
@@ -493,4 +493,4 @@ def signals(network: RoadNetwork, area: Area) -> list[dict[str, Any]]:
                     "both": signal.orientation == "none",
                 }
             )
-    return found
+    return shown

@@ -73,10 +73,10 @@ def _program() -> str:
     import sumo
 
     home = Path(sumo.__file__).parent
-    found = shutil.which("sumo-gui", path=str(home / "bin")) or shutil.which("sumo-gui")
-    if found is None:
+    program = shutil.which("sumo-gui", path=str(home / "bin")) or shutil.which("sumo-gui")
+    if program is None:
         raise UsageError("--gui needs sumo-gui, which comes with eclipse-sumo; reinstall that")
-    return found
+    return program
 
 
 def show(result: RunResult, stay: bool = True) -> None:

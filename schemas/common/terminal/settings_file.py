@@ -62,7 +62,7 @@ def settings_of(parameters: Iterable[inspect.Parameter]) -> dict[str, Setting]:
     """Return the settings among the parameters of a command, by key."""
     from typer.models import OptionInfo
 
-    found = {}
+    settings = {}
     for parameter in parameters:
         annotation = parameter.annotation
         kind, *metadata = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
@@ -74,10 +74,10 @@ def settings_of(parameters: Iterable[inspect.Parameter]) -> dict[str, Setting]:
         long = [name.removeprefix("--") for name in names if name.startswith("--")]
         key = (long or [parameter.name.replace("_", "-")])[0]
         default = ... if parameter.default is inspect.Parameter.empty else parameter.default
-        found[key] = Setting(
+        settings[key] = Setting(
             key, parameter.name, _bare(kind), file_use(annotation), SHARED in metadata, default
         )
-    return found
+    return settings
 
 
 def _bare(kind: Any) -> Any:

@@ -109,11 +109,11 @@ class _Lanes:
             part: points_at(self._lanes[part[0]].line, _grid(*ends[part[0]][part[1] : part[1] + 2]))
             for part in parts
         }
-        found = []
+        made = []
         for number, part in parts:
             lane, last = self._lanes[number], part == len(ends[number]) - 2
             after = [(other, 0) for other in follows[number]] if last else [(number, part + 1)]
-            found.append(
+            made.append(
                 Lanelet(
                     self._name(number, part),
                     self._bound((number, part), left.get((number, part)), lines, 1.0),
@@ -128,7 +128,7 @@ class _Lanes:
                     lights=lane.lights if last else (),
                 )
             )
-        return found, self._notes(right, cuts)
+        return made, self._notes(right, cuts)
 
     def _name(self, number: int, part: int) -> str:
         return self._lanes[number].id if part == 0 else f"{self._lanes[number].id}.{part + 1}"
@@ -165,24 +165,24 @@ class _Lanes:
         first = np.searchsorted(self._lane, np.arange(len(self._lanes)))
         last = np.append(first[1:], len(self._lane)) - 1
         near = KDTree(self._place[first]).query_ball_point(self._place[last], MEETING)
-        found = []
+        followers = []
         for index, lane in enumerate(self._lanes):
             if lane.successors is not None:
-                found.append([number[name] for name in lane.successors if name in number])
+                followers.append([number[name] for name in lane.successors if name in number])
                 continue
             turns = {
                 other: self._heading[first[other]] - self._heading[last[index]]
                 for other in near[index]
             }
             onward = [other for other, turn in turns.items() if math.cos(turn) > math.cos(_ONWARD)]
-            found.append(
+            followers.append(
                 sorted(
                     other
                     for other in onward
                     if other != index and self._lanes[other].type == lane.type
                 )
             )
-        return found
+        return followers
 
     # neighbours ---------------------------------------------------------------------------------
 
@@ -193,7 +193,7 @@ class _Lanes:
         here = here[
             self._lane[left[right[here]]] == self._lane[here]
         ]  # each is the nearest one of the other
-        found = []
+        runs = []
         breaks = np.diff(here) != 1
         breaks |= (np.diff(self._lane[here]) != 0) | (np.diff(self._lane[right[here]]) != 0)
         for rows in np.split(here, np.flatnonzero(breaks) + 1):
@@ -205,10 +205,10 @@ class _Lanes:
                     self._s[other].min(),
                     self._s[other].max(),
                 )
-                found.append(
+                runs.append(
                     _Run(int(self._lane[rows[0]]), int(self._lane[other[0]]), *map(float, ends))
                 )
-        return found
+        return runs
 
     def _nearest(self, side: float) -> IntArray:
         """The nearest place of another lane beside each place, on its left (1.0) or right (-1.0);

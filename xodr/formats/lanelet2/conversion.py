@@ -45,7 +45,7 @@ _BESIDE = 1.0
 def signals(graph: Graph, plan: Layout, shapes: list[RoadShape]) -> dict[int, tuple[Signal, ...]]:
     """The lights at the end of each bundle that has some: one for all neighbouring lanes that it
     holds."""
-    found: dict[int, tuple[Signal, ...]] = {}
+    by_id: dict[int, tuple[Signal, ...]] = {}
     count = 0
     for number, bundle in enumerate(plan.bundles):
         here = []
@@ -59,8 +59,8 @@ def signals(graph: Graph, plan: Layout, shapes: list[RoadShape]) -> dict[int, tu
                 )
             )
         if here:
-            found[number] = tuple(here)
-    return found
+            by_id[number] = tuple(here)
+    return by_id
 
 
 def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
@@ -259,7 +259,7 @@ def deviation(
     than their lanelets. `where` gives the road and lane of each lanelet.
     """
     lines = {lane: _lines(network.roads[lane[0]], lane[1]) for lane in set(where.values())}
-    found = {}
+    deviations = {}
     for lanelet in lanelets:
         own = where[lanelet.id]
         links = chain(network.links(*own, True), network.links(*own, False))
@@ -272,8 +272,8 @@ def deviation(
             _farthest(lanelet.left, [lane.left for lane in around]),
             _farthest(lanelet.right, [lane.right for lane in around]),
         )
-        found[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own]))
-    return found
+        deviations[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own]))
+    return deviations
 
 
 class _Lines(NamedTuple):

@@ -72,7 +72,7 @@ class Graph:
                 pairs.setdefault(lanelet.id, lanelet.beside_right.id)
             if lanelet.beside_left and lanelet.beside_left.same_direction:
                 pairs.setdefault(lanelet.beside_left.id, lanelet.id)
-        found: dict[str, str] = {}
+        right_neighbours: dict[str, str] = {}
         taken: set[str] = set()
         for left, right in sorted(pairs.items(), key=lambda pair: self._place(pair[0])):
             gap = _gap(self.lanelets[left].right, self.lanelets[self._known(right)].left)
@@ -81,9 +81,9 @@ class Graph:
                     f"lanelets {left} and {right} are declared neighbours, but are {gap:.2f} m apart: kept as two roads"
                 )
                 continue
-            found[left] = right
+            right_neighbours[left] = right
             taken.add(right)
-        return found
+        return right_neighbours
 
     def _known(self, name: str) -> str:
         self._place(name)
@@ -128,9 +128,9 @@ class Graph:
             LineString(middle(self.lanelets[name].left, self.lanelets[name].right))
             for name in names
         ]
-        found: dict[str, set[str]] = defaultdict(set)
+        crossing: dict[str, set[str]] = defaultdict(set)
         if not lines:
-            return found
+            return crossing
         tree, count = STRtree(lines), 0
         for start in range(0, len(lines), _ASKED):
             pairs = tree.query(lines[start : start + _ASKED], predicate="crosses").T
@@ -142,8 +142,8 @@ class Graph:
             for one, other in pairs:
                 name = names[start + one]
                 if start + one != other and not self._related(name, names[other]):
-                    found[name].add(names[other])
-        return found
+                    crossing[name].add(names[other])
+        return crossing
 
     def _related(self, one: str, other: str) -> bool:
         ends = [(set(links[one]) & set(links[other])) for links in (self.before, self.after)]

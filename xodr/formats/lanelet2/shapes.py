@@ -161,7 +161,7 @@ class Borders:
 def mouths(borders: Borders) -> dict[End, Mouth]:
     """Both ends of every bundle."""
     layout = borders.layout
-    found: dict[End, Mouth] = {}
+    by_end: dict[End, Mouth] = {}
     for joint in layout.joints:
         owner = _owner(layout, joint)
         frame = _meeting(borders, joint) if owner is None else _cut(borders, owner)
@@ -182,17 +182,17 @@ def mouths(borders: Borders) -> dict[End, Mouth]:
                 if end != owner
                 else edges
             )
-            found[end] = Mouth(frame, tuple(_edges(borders, end, frame, partner)))
+            by_end[end] = Mouth(frame, tuple(_edges(borders, end, frame, partner)))
         if joint.plain and owner:
             other = (joint.beginning[0], False) if owner[1] else (joint.ending[0], True)
-            if abs(found[other].t - found[owner].t) > _LEVEL:
-                found[other] = found[other]._replace(centre=found[owner].t)
+            if abs(by_end[other].t - by_end[owner].t) > _LEVEL:
+                by_end[other] = by_end[other]._replace(centre=by_end[owner].t)
     for number in range(len(layout.bundles)):
         for end in ((number, False), (number, True)):
-            if end not in found:
+            if end not in by_end:
                 frame = _free(borders, end)
-                found[end] = Mouth(frame, tuple(_edges(borders, end, frame, {})))
-    return found
+                by_end[end] = Mouth(frame, tuple(_edges(borders, end, frame, {})))
+    return by_end
 
 
 def _owner(layout: Layout, joint: Joint) -> End | None:
@@ -296,7 +296,7 @@ def _shared_edges(
     for one, other in pairs:
         both = alike[one] | alike[other]
         alike |= dict.fromkeys(both, both)
-    found: dict[_Lane, tuple[BorderCrossing, BorderCrossing]] = {}
+    shared_edges: dict[_Lane, tuple[BorderCrossing, BorderCrossing]] = {}
     for key, pair in own.items():
         shared = [
             np.array([own[number][place] for number, place in sorted(alike[key, side])]).mean(
@@ -307,8 +307,11 @@ def _shared_edges(
         if all(
             abs(edge.t - mean[0]) <= _ONE_PLACE for edge, mean in zip(pair, shared, strict=True)
         ):
-            found[key[0]] = BorderCrossing(*shared[0].tolist()), BorderCrossing(*shared[1].tolist())
-    return found
+            shared_edges[key[0]] = (
+                BorderCrossing(*shared[0].tolist()),
+                BorderCrossing(*shared[1].tolist()),
+            )
+    return shared_edges
 
 
 def _edges(
@@ -516,7 +519,7 @@ def _smooth(
 
 def _pieces(line: PPoly, s: FloatArray) -> list[CubicPiece]:
     """The pieces of a plane spline in the frames of their starts, with parameters from 0 to 1."""
-    found = []
+    pieces = []
     for index, piece in enumerate(_by_power(line)):
         scaled = piece * (line.x[index + 1] - line.x[index]) ** np.arange(4)[:, None]
         scaled[0] = 0.0
@@ -524,10 +527,10 @@ def _pieces(line: PPoly, s: FloatArray) -> list[CubicPiece]:
         u = scaled @ direction
         v = scaled @ np.array([-direction[1], direction[0]])
         v[1] = 0.0
-        found.append(
+        pieces.append(
             CubicPiece(float(s[index + 1] - s[index]), tuple(u.tolist()), tuple(v.tolist()))
         )
-    return found
+    return pieces
 
 
 def _by_power(spline: PPoly) -> FloatArray:

@@ -288,10 +288,10 @@ def heights_on(points: FloatArray, lines: Sequence[FloatArray]) -> FloatArray:
     flat = [shapely.LineString(line[:, :2]) for line in lines]
     spots = shapely.points(points)
     away = np.array([shapely.distance(line, spots) for line in flat])
-    found = np.array(
+    heights = np.array(
         [
             np.interp(shapely.line_locate_point(line, spots), gone(known), known[:, 2])
             for line, known in zip(flat, lines, strict=True)
         ]
     )
-    return found[np.argmin(away, axis=0), np.arange(len(points))]
+    return heights[np.argmin(away, axis=0), np.arange(len(points))]

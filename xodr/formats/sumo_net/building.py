@@ -379,14 +379,14 @@ def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, L
 
 
 def _signals(plain: PlainNetwork, connections: _Connections) -> dict[str, list[SignalLink]]:
-    found: dict[str, list[SignalLink]] = defaultdict(list)
+    signals: dict[str, list[SignalLink]] = defaultdict(list)
     for way, held in plain.signals.items():
         light = connections[way].get("tl") if way in connections else None
         if light:
             link = SignalLink(light, int(connections[way].get("linkIndex", 0)))
             for signal_id in dict.fromkeys(held):
-                found[signal_id].append(link)
-    return found
+                signals[signal_id].append(link)
+    return signals
 
 
 _REMEMBERED = 64

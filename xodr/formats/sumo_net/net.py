@@ -304,7 +304,7 @@ class LaneConnection(NamedTuple):
 def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
     """Every connection that some kind of traffic may take from one road that is not a connecting
     road to the next."""
-    found = []
+    connections = []
     for road in network.roads.values():
         if _connects(network, road):
             continue
@@ -316,8 +316,8 @@ def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
                 if lane.id and (road.direction(lane.id, s) < 0) == at_start:
                     source = LaneLink(road.id, lane.id, at_start)
                     onward = _onward(network, source, use_of(lane.type).kind, LONGEST_CHAIN)
-                    found += [LaneConnection(source, via, target) for via, target in onward]
-    return found
+                    connections += [LaneConnection(source, via, target) for via, target in onward]
+    return connections
 
 
 def stretches(road: Road, entry: LaneLink) -> list[tuple[LaneSection, int]]:

@@ -85,7 +85,7 @@ def lights(network: RoadNetwork) -> dict[str, list[Light]]:
     )
     signals = {signal.id: signal for road in network.roads.values() for signal in road.signals}
     ids = {signal.id for signal in signals.values() if _is_light(signal, controlled)}
-    found: dict[str, list[Light]] = {}
+    by_road: dict[str, list[Light]] = {}
     for road in network.roads.values():
         own = [
             light
@@ -99,8 +99,8 @@ def lights(network: RoadNetwork) -> dict[str, list[Light]]:
             if other.signal_id in ids
             for light in _directions(road, other.signal_id, other)
         ]
-        found[road.id] = own + others
-    return found
+        by_road[road.id] = own + others
+    return by_road
 
 
 def _is_light(signal: Signal, controlled: frozenset[str]) -> bool:

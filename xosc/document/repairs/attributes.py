@@ -226,13 +226,13 @@ def _by_element(
 def _attributes(
     body: etree._Element, values: dict[str | None, tuple[str, ...]]
 ) -> dict[str, Attribute]:
-    found = {}
+    attributes = {}
     for attribute in body.iter("{*}attribute"):
         kind = (attribute.get("type") or "").split(":")[-1]
-        found[attribute.get("name") or ""] = Attribute(
+        attributes[attribute.get("name") or ""] = Attribute(
             _KINDS.get(kind), attribute.get("use") == "required", values.get(kind, ())
         )
-    return found
+    return attributes
 
 
 def _values(kind: etree._Element) -> tuple[str, ...]:
@@ -244,7 +244,7 @@ def _children(
 ) -> tuple[dict[str, Child], int]:
     """The children in a sequence, choice, all or group, the first of them at a place; and the place
     behind them."""
-    found: dict[str, Child] = {}
+    children: dict[str, Child] = {}
     kind, begin, end = etree.QName(model).localname, place, place
     for particle in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
         start = begin if kind == "choice" else end
@@ -266,9 +266,9 @@ def _children(
             inside = {
                 name: child._replace(many=child.many or many) for name, child in inside.items()
             }
-        found |= inside
+        children |= inside
         end = max(end, after)
-    return found, end
+    return children, end
 
 
 # attributes -------------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
     """All lines of certain signals that a drive passes in the direction of its lane, in ascending
     time."""
     lines: dict[str, list[SignalLine]] = {}
-    found: list[LineCrossing] = []
+    crossed: list[LineCrossing] = []
     columns = drive.columns
     for row in range(1, len(columns["time"])):
         for road_id, lane_id, low, high, forwards, entered in _ways(drive, row):
@@ -48,8 +48,8 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
                     else (low < line.s <= high if forwards else low <= line.s < high)
                 )
                 if passed and line.holds(lane_id, forwards):
-                    found.append(LineCrossing(float(columns["time"][row]), row, line.signal))
-    return found
+                    crossed.append(LineCrossing(float(columns["time"][row]), row, line.signal))
+    return crossed
 
 
 def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool, bool]]:

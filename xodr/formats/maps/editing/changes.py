@@ -38,9 +38,9 @@ class Change(NamedTuple):
 
 def elements_at(root: etree._Element, where: str) -> Iterator[etree._Element]:
     """The elements at a place, an XPath."""
-    found = root.xpath(where)
-    assert isinstance(found, list)
-    yield from (element for element in found if isinstance(element, etree._Element))
+    elements = root.xpath(where)
+    assert isinstance(elements, list)
+    yield from (element for element in elements if isinstance(element, etree._Element))
 
 
 # edits -------------------------------------------------------------------------------------------

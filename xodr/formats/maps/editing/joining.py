@@ -247,7 +247,7 @@ def _continued(one: _End, other: _End, within: float) -> dict[int, int]:
     turned = math.remainder(one.heading - other.heading - math.pi, math.tau)
     if abs(turned) > _TURNED or (one.road is other.road and one.at_start == other.at_start):
         return {}
-    found: dict[int, int] = {}
+    continued: dict[int, int] = {}
     for here, borders in one.lanes.items():
         for there, like in other.lanes.items():
             apart = min(
@@ -255,8 +255,8 @@ def _continued(one: _End, other: _End, within: float) -> dict[int, int]:
             )
             driven = one.road.lane_type(one.s, here) in DRIVABLE
             if apart <= within and (not driven or one.leads_out(here) != other.leads_out(there)):
-                found[here] = there
-    return found
+                continued[here] = there
+    return continued
 
 
 def _write_link(road: etree._Element, end: _End, other: _End, lanes: dict[int, int]) -> None:
