@@ -143,10 +143,11 @@ def catalogue(
     of processes, and after an interruption the same command reads only recordings that were not
     read yet.
     """
-    from recognition.catalogue.pipeline import ByRules, Workers, build
+    from recognition.catalogue.pipeline import ByRules, build
     from recognition.catalogue.recordings import CatalogueSettings
     from recognition.catalogue.writing.write import CatalogueConfig
     from recognition.labels import Rules
+    from runner.batch.pool import Workers
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
     settings = CatalogueSettings(scenes, form.road, form.columns, rules, config=config)

@@ -315,3 +315,24 @@ def test_modules_of_commands_are_commands_themselves() -> None:
         and 'if __name__ == "__main__":\n    main()' not in text
     ]
     assert silent == [], "python -m MODULE would do nothing, with exit code 0"
+
+
+PROCESSES = {
+    "runner.batch.pool": "makes them: jobs without an end, tasks in order, on this machine or by Ray",
+    "generation.loop.searches": "keeps one for each target, which has its densities at hand",
+    "studies.recognition.protocol.processes": "looks at the store while seeds are worked on",
+}
+"""Modules that hand work to processes by themselves, each with the reason; others use `runner.batch.pool`"""
+
+
+def test_work_goes_to_processes_by_one_module() -> None:
+    files = {name: ROOT / name.replace(".", "/") for name in imports()}
+    makes = re.compile(
+        r"\bexecutor\([\da-z]|\bProcessPoolExecutor\(|\.remote\(|multiprocessing\.Process\("
+    )
+    found = {
+        name
+        for name, path in files.items()
+        if (file := path.with_suffix(".py")).exists() and makes.search(file.read_text("utf-8"))
+    }
+    assert found == PROCESSES.keys()

@@ -7,14 +7,12 @@ happens in a run is written down about the scenario that it is a run of.
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import xosc
 from recognition import recordings as datasets
@@ -37,10 +35,9 @@ from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
 from recognition.recordings.quality import REPAIRED
 from recognition.scenes import Site
-from runner.batch.pool import dismiss, executor
+from runner.batch.pool import Workers, results
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
-from schemas.common.policy import CommandPolicy, current, in_force
 from schemas.common.storage import digest
 from xosc.document import to_bytes
 from xosc.writing import tags
@@ -48,79 +45,6 @@ from xosc.writing.tags import Tag
 
 if TYPE_CHECKING:
     from schemas.common.terminal.command_line import Bar
-
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
-
-class Workers(NamedTuple):
-    """Workers: a number of processes on this machine, or a Ray cluster at an address (see `runner.batch.pool`)."""
-
-    jobs: int = 1
-    ray: str | None = None
-
-
-@contextmanager
-def results(
-    work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers
-) -> Iterator[Iterator[Result]]:
-    """Around all that uses the result of each task, in their order; several processes begin at once.
-
-    Args:
-        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to
-            other processes.
-
-    Raises:
-        UsageError: Ray is not installed, or there is no such cluster.
-        ToolchainError: a process died.
-    """
-    if workers.ray is not None:
-        # Closed even if the caller stops early, so that the cluster is left.
-        with closing(_on_ray(work, tasks, workers.ray, workers.jobs)) as found:
-            yield found
-    elif workers.jobs == 1 or not tasks:
-        yield map(work, tasks)
-    else:
-        # A process without a task would only cost its imports.
-        pool = executor(min(workers.jobs, len(tasks)))
-        try:
-            yield pool.map(work, tasks)
-        # A worker killed by the kernel leaves no message of its own; memory is the usual reason.
-        except BrokenProcessPool:
-            raise ToolchainError(
-                "a process died, perhaps because memory ran out; go on with fewer --jobs"
-            ) from None
-        finally:
-            dismiss(pool)
-
-
-def _on_ray(
-    work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int
-) -> Generator[Result, None, None]:
-    from runner.batch.pool import connect
-
-    ray, ours = connect(address, jobs)
-    try:
-        remote = ray.remote(num_cpus=1)(_in_folder)
-        # All are submitted before the first result is waited for; results come in the order of
-        # tasks, so that the catalogue has the same bytes for any number of workers.
-        for reference in [remote.remote(os.getcwd(), current(), work, task) for task in tasks]:
-            yield ray.get(reference)
-    except ray.exceptions.RayError as error:
-        raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
-    finally:
-        if ours:
-            ray.shutdown()
-
-
-def _in_folder(
-    folder: str, policy: CommandPolicy, work: Callable[[Task], Result], task: Task
-) -> Result:
-    """Do a task where its relative paths lead to the same files, under the same policy."""
-    os.chdir(folder)
-    with in_force(policy):
-        return work(task)
 
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from recognition.recorder.simulation import VehicleMotion, motion, overlaps, simulate
 from recognition.recorder.sites import SITES, CameraView, SimulatedSite, family
 from recognition.recorder.traffic import Vehicle, departures, parked
-from runner.batch.pool import dismiss, executor
+from runner.batch.pool import Workers, results
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import limited
@@ -369,8 +369,8 @@ def record(
         for task in _tasks(known[name], scale, seed, out, least)
     ]
     found = []
-    with _drafted(tasks, out) as drafts:
-        for path in _work(drafts, jobs):
+    with _drafted(tasks, out) as drafts, results(_record, drafts, Workers(jobs)) as paths:
+        for path in paths:
             found.append(out / path.parent.name / path.name)
             if progress:
                 progress(len(found), len(tasks))
@@ -451,17 +451,6 @@ def _tasks(site: SimulatedSite, scale: float, seed: int, out: Path, least: int) 
             np.random.SeedSequence((seed, number, *site.name.encode())),
             out / site.name,
         )
-
-
-def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
-    if jobs == 1:
-        yield from map(_record, tasks)
-        return
-    pool = executor(jobs)
-    try:
-        yield from pool.map(_record, tasks)
-    finally:
-        dismiss(pool)
 
 
 @limited()

@@ -1,4 +1,8 @@
-"""Jobs in worker processes that are replaced when they die, on this machine or on a Ray cluster.
+"""Work in other processes, on this machine or on a Ray cluster: all ways that the toolchain has.
+
+- `Pool`, `RayPool`: jobs without an end, each with its outcome; workers that die are replaced.
+- `results`: a list of tasks, and their results in order.
+- `executor`, `dismiss`: the processes of both, and of those who keep some for themselves.
 
 Every machine of the cluster needs this package (and the systems under test) installed, and the
 scenarios and the output folder under the same paths, on file systems that they share. Ray is an
@@ -16,19 +20,21 @@ import socket
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, chdir, suppress
+from contextlib import ExitStack, chdir, closing, contextmanager, suppress
 from functools import partial
 from multiprocessing.process import BaseProcess
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 from runner.batch.jobs import Job, Outcome
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.packages import optional
 from schemas.common.policy import CommandPolicy, current, in_force
 
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
 
@@ -164,6 +170,64 @@ class Pool:
                 process.join()
                 code = process.exitcode or 0  # negative: minus the signal that ended it
                 return self._ended(self._died(job, -code if code < 0 else None))
+
+
+class Workers(NamedTuple):
+    """Workers: a number of processes on this machine, or a Ray cluster at an address."""
+
+    jobs: int = 1
+    ray: str | None = None
+
+
+@contextmanager
+def results(
+    work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers
+) -> Iterator[Iterator[Result]]:
+    """Around all that uses the result of each task, in their order; several processes begin at once.
+
+    Args:
+        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to
+            other processes.
+
+    Raises:
+        UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: a process died.
+    """
+    if workers.ray is not None:
+        # Closed even if the caller stops early, so that the cluster is left.
+        with closing(_on_ray(work, tasks, workers.ray, workers.jobs)) as found:
+            yield found
+    elif workers.jobs == 1 or not tasks:
+        yield map(work, tasks)
+    else:
+        # A process without a task would only cost its imports.
+        pool = executor(min(workers.jobs, len(tasks)))
+        try:
+            yield pool.map(work, tasks)
+        # A worker killed by the kernel leaves no message of its own; memory is the usual reason.
+        except BrokenProcessPool:
+            raise ToolchainError(
+                "a process died, perhaps because memory ran out; go on with fewer --jobs"
+            ) from None
+        finally:
+            dismiss(pool)
+
+
+def _on_ray(
+    work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int
+) -> Generator[Result, None, None]:
+    ray, ours = connect(address, jobs)
+    try:
+        remote = ray.remote(num_cpus=1)(_work)
+        # All are submitted before the first result is waited for; results come in the order of
+        # tasks, so that outputs have the same bytes for any number of workers.
+        for reference in [remote.remote(work, os.getcwd(), current(), task) for task in tasks]:
+            yield ray.get(reference)
+    except ray.exceptions.RayError as error:
+        raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
+    finally:
+        if ours:
+            ray.shutdown()
 
 
 def dismiss(pool: ProcessPoolExecutor) -> None:
@@ -329,11 +393,11 @@ class RayPool:
         wait(list(awaited), timeout=_LEAVING)
 
 
-def _work(work: Callable[[Job], Outcome], folder: str, policy: CommandPolicy, job: Job) -> Outcome:
-    """Do a job where its relative paths lead to the same files, under the same policy."""
+def _work(work: Callable[[Task], Result], folder: str, policy: CommandPolicy, task: Task) -> Result:
+    """Do a task where its relative paths lead to the same files, under the same policy."""
     os.chdir(folder)
     with in_force(policy):
-        return work(job)
+        return work(task)
 
 
 def connect(address: str, processes: int) -> tuple[Any, bool]:

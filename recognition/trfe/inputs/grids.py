@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.scenes import Site
 from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
@@ -25,7 +26,6 @@ __all__ = [
     "VELOCITY_STEP",
     "Channel",
     "Grid",
-    "MappedSite",
     "Moments",
     "covered",
     "rasterise",
@@ -333,15 +333,6 @@ _POINTS = 2.0
 """Points on a box along the shorter edge of a cell, in each direction."""
 
 
-class MappedSite(Protocol):
-    """Site of a recording: the grids need its road network only."""
-
-    @property
-    def network(self) -> RoadNetwork:
-        """Its roads."""
-        ...
-
-
 class Boxes(NamedTuple):
     """Boxes in the axes of the grids: in which frame of the batch (`frame`), and which row of the recording (`row`) each is.
 
@@ -359,7 +350,7 @@ class Boxes(NamedTuple):
 
 
 def rasterise(
-    recording: Recording, moments: Moments, grid: Grid, site: MappedSite | None = None
+    recording: Recording, moments: Moments, grid: Grid, site: Site | None = None
 ) -> NDArray[np.uint8]:
     """Grids about egos, from the frames nearest to the requested times, without interpolation.
 

@@ -11,7 +11,7 @@ packages add modules of classes by the entry-point groups `xosc.action`, `xosc.c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from schemas.common import packages, plugins
@@ -142,6 +142,11 @@ class Context(Protocol):
     @property
     def declared(self) -> Entities:
         """All entities of the scenario."""
+        ...
+
+    @property
+    def selections(self) -> MutableMapping[str, list[Entity]]:
+        """The entity selections: name → members."""
         ...
 
     @property

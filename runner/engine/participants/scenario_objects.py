@@ -13,9 +13,8 @@ remark.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, MutableMapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import PurePosixPath
-from typing import Protocol
 
 from runner.engine.compile.registry import Context
 from runner.engine.participants.declaration import BoundingBox, Declaration, Performance
@@ -27,16 +26,7 @@ from xosc.document.node import Node
 _KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "miscellaneous"}
 
 
-class Declarations(Context, Protocol):
-    """A context whose entities are being read."""
-
-    @property
-    def selections(self) -> MutableMapping[str, list[Entity]]:
-        """The entity selections: name → members."""
-        ...
-
-
-def read_entities(node: Node, context: Declarations) -> None:
+def read_entities(node: Node, context: Context) -> None:
     """Enter all scenario objects and selections of an Entities element into the context."""
     for scenario_object in node.children("ScenarioObject"):
         _read_scenario_object(scenario_object, scenario_object.get("name"), context)
