@@ -320,6 +320,7 @@ def test_modules_of_commands_are_commands_themselves() -> None:
 PROCESSES = {
     "runner.batch.pool": "makes them: jobs without an end, tasks in order, on this machine or by Ray",
     "generation.loop.searches": "keeps one for each target, which has its densities at hand",
+    "xosc_toolchain.xosc_explore": "keeps one that answers a page",
     "studies.recognition.protocol.processes": "looks at the store while seeds are worked on",
 }
 """Modules that hand work to processes by themselves, each with the reason; others use `runner.batch.pool`"""

@@ -18,7 +18,7 @@ from recognition.recordings.quality import REFUSED, Report
 from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording
 from schemas.common import packages, plugins
-from schemas.common.errors import InvalidFile
+from schemas.common.errors import InvalidFile, nearest
 from schemas.common.policy import current
 from schemas.common.storage import LONGEST_POINTER, cache_folder, read_bytes
 
@@ -240,8 +240,12 @@ def participant(
     """A participant of a category of `_USUAL`, with the usual size where none was recorded; m.
 
     Raises:
-        InvalidFile: a moving participant has a size in other units than m.
+        InvalidFile: there is no such category, or a moving participant has a size in other units
+            than m.
     """
+    if category not in _USUAL:
+        told = f"there is no category {category!r}; {nearest(category, _USUAL)}"
+        raise InvalidFile(told, element=f"participant {name}")
     usual_length, usual_width, height = _USUAL[category]
     length = usual_length if length is None else length
     width = usual_width if width is None else width

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from runner.judging.measures.measure import RunMeasure
+from schemas.common.errors import UsageError
 from schemas.common.plugins import installed
 from tests.commands import Command
 from xosc_toolchain.plugin import KINDS, write_plugin
@@ -202,6 +204,19 @@ def test_a_faulty_plug_in_is_refused_by_name(tmp_path: Path) -> None:
     (work / "some.csv").write_text("a\n")
     for line, start in zip(refusals(site, work, programs), expected, strict=True):
         assert line.startswith(start)
+
+
+def test_a_measure_that_fails_is_told_by_its_name() -> None:
+    class Odd(RunMeasure):
+        """A measure of a package with a defect."""
+
+        name = "odd"
+
+        def of(self, run: object) -> float:
+            raise KeyError("speed")
+
+    with pytest.raises(UsageError, match=r"the measure odd \(.*test_plugin\) failed: KeyError"):
+        Odd().result(None)
 
 
 def test_a_command_ends_with_one_line_where_a_plug_in_fails(tmp_path: Path) -> None:

@@ -236,7 +236,7 @@ class Criticality:
     def summary(self) -> dict[str, Any]:
         """All measures of the run by name (`runner.judging.measures.measure`), extremes as
         `Extreme._asdict`; None for undefined ones."""
-        found = {name: measure.of(self) for name, measure in measures().items()}
+        found = {name: measure.result(self) for name, measure in measures().items()}
         return {
             name: value._asdict() if isinstance(value, Extreme) else value
             for name, value in found.items()

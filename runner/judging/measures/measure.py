@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.common.errors import UsageError, guess
+from schemas.common.errors import UsageError, blame, guess
 from schemas.common.packages import load
 from schemas.common.plugins import NameTaken
 from schemas.common.plugins import register as register_plugins
@@ -128,6 +128,21 @@ class RunMeasure(ABC):
     def of(self, run: Any) -> Extreme | float | None:
         """The measure of a run, given as its `runner.judging.measures.criticality.Criticality`;
         None where it is not defined."""
+
+    def result(self, run: Any) -> Extreme | float | None:
+        """`of`, whose errors are told with the measure's name where a package brings it.
+
+        Raises:
+            UsageError: the measure of an installed package failed.
+        """
+        try:
+            return self.of(run)
+        except Exception as error:
+            module = type(self).__module__
+            if self.name in _own():
+                raise  # a defect of ours
+            reason = blame(error, module)
+            raise UsageError(f"the measure {self.name} ({module}) failed: {reason}") from error
 
     def sentence(self, found: Mapping[str, Any] | float) -> str:
         """A value of `Criticality.summary` in words, for the reasons of verdicts."""

@@ -11,6 +11,7 @@ import pytest
 
 import recognition.recordings as datasets
 from recognition.recordings.quality import REFUSED, REPAIRED
+from recognition.recordings.source import participant
 from schemas.common.errors import InvalidFile
 from tests.commands import Command
 from tests.recognition.traffic import ind_rows, interaction_rows, write_csv, write_ind
@@ -235,3 +236,8 @@ def test_numbers_of_a_fit_recording_do_not_depend_on_where_it_is() -> None:
     assert check_ratio(np.full(10, 1.2), 0.1) is None
     assert one_factor(np.array([2.0, 2.02, 1.98, 2.0])) == pytest.approx(2.0)
     assert one_factor(np.array([0.5, 3.0, 2.0, 1.0])) is None
+
+
+def test_an_unknown_category_is_refused_with_the_most_similar_one() -> None:
+    with pytest.raises(InvalidFile, match=r"no category 'cars'; .*car"):
+        participant("a", "cars")
