@@ -2,7 +2,7 @@
 
 - `Pool`, `RayPool`: jobs without an end, each with its outcome; workers that die are replaced.
 - `results`: a list of tasks, and their results in order.
-- `executor`, `dismiss`: the processes of both, and of those who keep some for themselves.
+- `executor`, `dismiss`: the processes of both, also for modules that keep some of their own.
 
 Every machine of the cluster needs this package (and the systems under test) installed, and the
 scenarios and the output folder under the same paths, on file systems that they share. Ray is an
