@@ -2,6 +2,7 @@
 time of one goes.
 
     python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
+    python benchmarks/episodes.py [SCENARIO] --plays N [--sut NAME]
 
 Points are drawn uniformly from the scenario's parameter space. The parts are measured in one
 process by a clock of its processor time around each of them; the clock itself costs a little, which
@@ -21,6 +22,7 @@ import numpy as np
 
 import xosc
 from generation.search.outcomes import Evaluator
+from generation.search.plays import ArrayPlays
 from generation.space.space import Space
 from runner.engine.storyboard.simulation import Simulation
 from runner.engine.worlds.sumo import SumoWorld
@@ -105,6 +107,16 @@ def parts(scenario: Path, space: Space, theta: np.ndarray, timestep: float) -> N
     print(f"    {(seconds - outer / len(theta)) * 1e3:6.2f} ms  rest")
 
 
+def played(scenario: Path, space: Space, theta: np.ndarray, timestep: float, sut: str) -> None:
+    """Play all points in arrays."""
+    play = ArrayPlays(scenario, space, RunSettings(timestep=timestep, sut=sut))
+    start = process_time()
+    found = play(theta)
+    rate = len(theta) / (process_time() - start)
+    print(f"{len(theta)} plays with {sut}: {rate:.0f} a second of processor time")
+    print(f"    {found.end_time.mean():.1f} simulated s each, {found.collision.sum()} collisions")
+
+
 def main() -> None:
     """Print the cost of a search's episodes."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -112,8 +124,14 @@ def main() -> None:
     arguments.add_argument("--episodes", type=int, default=3000)
     arguments.add_argument("--processes", type=int, default=2)
     arguments.add_argument("--timestep", type=float, default=0.05, help="s")
+    arguments.add_argument("--plays", type=int, default=0)
+    arguments.add_argument("--sut", default="cas")
     options = arguments.parse_args()
     space = Space.of(options.scenario)
+    if options.plays:
+        theta = space.draw(options.plays, np.random.default_rng(0))
+        played(options.scenario, space, theta, options.timestep, options.sut)
+        return
     theta = space.draw(options.episodes, np.random.default_rng(0))
     whole(options.scenario, space, theta, options.timestep, options.processes)
     parts(options.scenario, space, theta[:100], options.timestep)

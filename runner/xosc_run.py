@@ -99,6 +99,11 @@ def xosc_run(
                 f"{source.total} sets: played in arrays, failures and nearest misses are recorded; "
                 "--no-batch runs and records each"
             )
+        if in_arrays and settings.world != "kinematic" and not batch.dry_run:
+            table.tell(
+                "sets are played in arrays, kinematically: passed means so there; "
+                "failures and nearest misses are run on SUMO"
+            )
         outcomes = _counted(_outcomes(chosen, settings, batch, also, table.tell, in_arrays), work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
         if work.total > 1 and not batch.dry_run:

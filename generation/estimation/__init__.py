@@ -2,7 +2,7 @@
 
 Modules:
 
-- `bound`: draws in arrays until a bound on the probability of unknown failures holds, or a
+- `bound`: draws in arrays until a bound on unknown failures holds, or a failure stands against it
 - `estimate`: probability of a failure under the density
 - `probability`: probabilities of failure from weighted draws with control variates
 

@@ -1,4 +1,4 @@
-"""Draws in arrays until a bound on the probability of unknown failures holds, or a failure stands against it.
+"""Draws in arrays until a bound on unknown failures holds, or a failure stands against it.
 
 With no failure in n independent draws the probability of one is below p with 95 % confidence
 where 1 − (1 − p)^n ≥ 0.95. n is set before the first draw, and draws end early only where a failure

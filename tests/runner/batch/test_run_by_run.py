@@ -32,6 +32,8 @@ KEPT = """<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityR
  distance="$Varied" freespace="true" continuous="true" displacement="leadingReferencedEntity"
  coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" maxDeceleration="4" maxSpeed="30"/>
 </LongitudinalDistanceAction></LongitudinalAction></PrivateAction>"""
+TELEPORT = """<PrivateAction><TeleportAction><Position>
+<LanePosition roadId="1" laneId="-2" s="${160 + $Varied}"/></Position></TeleportAction></PrivateAction>"""
 BESIDE = """<PrivateAction><LateralAction><LaneOffsetAction continuous="false">
 <LaneOffsetActionDynamics dynamicsShape="sinusoidal" maxLateralAcc="2"/><LaneOffsetTarget>
 <RelativeTargetLaneOffset entityRef="Ego" value="${$Varied / 10}"/></LaneOffsetTarget>
@@ -75,6 +77,11 @@ def test_actions_that_are_executed_run_by_run_are_those_of_the_interpreter(
     tmp_path: Path, action: str
 ) -> None:
     assert len(set(compared(case(tmp_path, action), 4.0, 9.0, 11.5))) == 3
+
+
+def test_a_teleport_in_the_course_of_a_run_shows_at_its_time(tmp_path: Path) -> None:
+    """The instant of the event has the new place, at which motion goes on from there."""
+    assert len(set(compared(case(tmp_path, TELEPORT), 4.0, 9.0, 11.5))) == 3
 
 
 def test_an_offset_relative_to_another_entity_is_that_of_the_interpreter(tmp_path: Path) -> None:
