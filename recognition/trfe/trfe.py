@@ -225,7 +225,7 @@ class TRFE:
         if not promoted.any():
             return
         features, labels = discovery.features[promoted], discovery.labels[promoted]
-        calibrates = _a_share_of_each(labels, _CALIBRATING, self.config.seed)
+        calibrates = share_of_each(labels, self.config.seed)
         fitted, calibrating = (
             Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates)
         )
@@ -238,11 +238,11 @@ class TRFE:
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
 
 
-def _a_share_of_each(labels: IntArray, share: float, seed: int) -> BoolArray:
-    """Mask (n,) of a random share of the samples of each class, at least one."""
+def share_of_each(labels: IntArray, seed: int) -> BoolArray:
+    """Mask (n,) of the promoted samples that calibrate: a random share of each class, at least one."""
     chosen = np.zeros(len(labels), dtype=bool)
     random = np.random.default_rng(seed)
     for label in np.unique(labels):
         members = random.permutation(np.flatnonzero(labels == label))
-        chosen[members[: int(np.ceil(share * len(members)))]] = True
+        chosen[members[: int(np.ceil(_CALIBRATING * len(members)))]] = True
     return chosen

@@ -22,17 +22,20 @@ GEOMETRIES = (
     "congestion_highway",
 )
 """Logical scenarios of figure 8: the four geometries, then diverging, merging and congestion"""
-_ABLATED = (
-    "trfe",
-    "as-published",
-    "no-ucs",
-    "nvp",
-    "no-oc",
-    "strict",
-    "reading-b",
-    "vote-threshold",
+_FEW = (
+    *("trfe", "random", "mls", "cac", "arpl", "cpn", "mdenet"),
+    *("trfe-given-k", "kmeans", "iterative-euclidean", "iterative-autonovel"),
+    *("as-published", "no-ucs", "nvp", "no-oc", "strict", "reading-b", "vote-threshold"),
+    *("w125", "w250", "w500", "w1000", "delta", "trees"),
 )
-_CAPACITIES = ("w125", "w250", "w500", "w1000")
+"""Rows of tables 3 and 4, of figure 3 and the chain, and of figure 4"""
+_MORE = (
+    *("trfe-own-rule", "trfe-tuned", "reading-a", "logistic", "knn"),
+    *("logistic-changes", "logistic-without-roles", "knn-changes", "map-only"),
+    *("stae-kmeans", "stae-linkage"),
+    *("joint", "retrained", "joint-retrained", "as-published-joint"),
+)
+"""Rows of plain methods, of an autoencoder, which read grids, and of an encoder that learns on"""
 
 
 class FailedStage(ToolchainError):
@@ -43,43 +46,28 @@ class Scale(NamedTuple):
     """Settings of all stages.
 
     Attributes:
-        record: share of the own recordings that is made.
+        recorded: options of `record`.
         events: most windows of each class.
         seeds: seeds of the protocol.
         budget, searches: runs of each search, and seeds of it.
         grids: preset of the encoder that reads grids, as published.
-        open_set, clustering: rows that are compared; all where there are none.
+        rows: methods, variants and curves that are compared.
     """
 
-    record: float
+    recorded: tuple[str, ...]
     events: int
     seeds: int
     budget: int
     searches: int
     grids: str
-    open_set: tuple[str, ...] = ()
-    clustering: tuple[str, ...] = ()
+    rows: tuple[str, ...]
 
 
 SCALES = {
-    "smallest": Scale(
-        record=0.02,
-        events=20,
-        seeds=1,
-        budget=40,
-        searches=1,
-        grids="pca",
-        open_set=("trfe", "random", "mls", "cac", "arpl", "cpn", "mdenet"),
-        clustering=(
-            "trfe",
-            "trfe-given-k",
-            "random",
-            "kmeans",
-            "iterative-euclidean",
-            "iterative-autonovel",
-        ),
+    "smallest": Scale(("--scale", "0.02"), 20, 1, 40, 1, "pca", _FEW),
+    "full": Scale(
+        ("--families", "60", "--seed", "900"), 400, 5, 3000, 5, "full-rows", (*_FEW, *_MORE)
     ),
-    "full": Scale(record=1.0, events=400, seeds=5, budget=3000, searches=5, grids="cpu"),
 }
 """Settings by name: `smallest` shows that all of it runs, `full` is what is reported"""
 
@@ -120,12 +108,10 @@ def stages(scale: Scale, work: Path, recordings: Path | None = None) -> list[Sta
 
 
 def _recorded(scale: Scale, out: Path) -> tuple[str, ...]:
-    return ("recognition.xosc_recognize", "record", str(out), "--scale", f"{scale.record:g}", "-q")
+    return ("recognition.xosc_recognize", "record", str(out), *scale.recorded, "-q")
 
 
 def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[str, ...]:
-    rows = (*scale.open_set, *scale.clustering, *_ABLATED, *_CAPACITIES, "delta", "trees")
-    chosen = dict.fromkeys(rows) if scale.open_set else ()
     return (
         "studies.recognition",
         "protocol",
@@ -133,7 +119,7 @@ def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[s
         *("--out", str(out), "--preset", preset),
         *("--events-per-class", str(scale.events), "--seeds", str(scale.seeds)),
         *("--first-seed", "10", "--quiet"),
-        *(part for name in chosen for part in ("--methods", name)),
+        *(part for name in scale.rows for part in ("--methods", name)),
     )
 
 

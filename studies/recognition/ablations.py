@@ -10,9 +10,21 @@ from recognition.trfe.forest.known import DELTA
 from recognition.trfe.forest.screening import EvtScreening
 from recognition.trfe.trfe import TRFE
 from studies.recognition import kinds, strategies
+from studies.recognition.learning import Learns
 from studies.recognition.recalibrated import Recalibrated
 
-CHAINED = ("trfe", "as-published", "no-ucs", "nvp", "no-oc", "k-means")
+CHAINED = (
+    "trfe",
+    "as-published",
+    "no-ucs",
+    "nvp",
+    "no-oc",
+    "k-means",
+    "joint",
+    "retrained",
+    "joint-retrained",
+    "as-published-joint",
+)
 """Variants that are also followed through all rounds on their own discoveries."""
 CAPACITIES = (125, 250, 500, 1000)
 """Values of W for its sensitivity; `w125` and so on are variants too."""
@@ -31,12 +43,14 @@ class Variant:
     Attributes:
         title: name of its row in the report.
         config, steps, model: settings, steps and class.
+        learns: what trains the encoder on; None keeps it as it is.
     """
 
     title: str
     config: Config = field(default_factory=Config)
     steps: Steps = field(default_factory=Steps)
     model: type[TRFE] = TRFE
+    learns: Learns | None = None
 
 
 def _screened(name: str, title: str) -> Variant:
@@ -49,6 +63,15 @@ def _screened(name: str, title: str) -> Variant:
     return Variant(title, Config(delta=None if chosen else DELTA), steps)
 
 
+_AS_PUBLISHED = Variant(
+    "as published",
+    Config(preprocessing=PUBLISHED_NVP, promotion=PUBLISHED_PROMOTION),
+    Steps(
+        grow=strategies.grow_plain,
+        screening=kinds.kind(kinds.SCREENINGS, "reading-a").SCREENING,
+        cluster=strategies.all_candidates,
+    ),
+)
 VARIANTS: dict[str, Variant] = {
     "trfe": Variant("**TRFE**"),
     "no-ucs": Variant("No-UCS", Config(delta=DELTA), model=strategies.Unscreened),
@@ -59,14 +82,16 @@ VARIANTS: dict[str, Variant] = {
         "margins of the publication",
         Config(preprocessing=PUBLISHED_NVP, promotion=PUBLISHED_PROMOTION),
     ),
-    "as-published": Variant(
-        "as published",
-        Config(preprocessing=PUBLISHED_NVP, promotion=PUBLISHED_PROMOTION),
-        Steps(
-            grow=strategies.grow_plain,
-            screening=kinds.kind(kinds.SCREENINGS, "reading-a").SCREENING,
-            cluster=strategies.all_candidates,
-        ),
+    "as-published": _AS_PUBLISHED,
+    "as-published-joint": replace(
+        _AS_PUBLISHED,
+        title="as published, encoder trained jointly and again",
+        learns=Learns(jointly=True, again=True, all_candidates=True),
+    ),
+    "joint": Variant("encoder trained with the heads", learns=Learns(jointly=True)),
+    "retrained": Variant("encoder trained again after promotion", learns=Learns(again=True)),
+    "joint-retrained": Variant(
+        "encoder trained with the heads and again", learns=Learns(jointly=True, again=True)
     ),
     **{name: _screened(name, title) for name, title in kinds.titles(kinds.SCREENINGS).items()},
     "recalibrated": Variant("threshold recalibrated", steps=Steps(screening=Recalibrated)),

@@ -69,4 +69,4 @@ def _own(name: str, trial: Trial) -> IntArray:
     buffer = Buffer(len(new.rows))
     buffer.add(new.features, new.rows)
     config = replace(trial.config, pretrained=0) if name == ALL_FEATURES else trial.config
-    return discover(trial.model.known, buffer, config, steps).clusters
+    return discover(trial.known, buffer, config, steps).clusters

@@ -14,6 +14,7 @@ from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
 from studies.recognition import metrics
 from studies.recognition.ablations import VARIANTS, Variant
+from studies.recognition.learning import LearningTRFE
 from studies.recognition.protocol.rounds import Round
 from studies.recognition.protocol.trials import Samples, Trial
 from studies.recognition.recalibrated import Recalibrated
@@ -30,10 +31,10 @@ def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
     Returns:
         See `follow`.
     """
-    variant, screening = VARIANTS[name], trial.model.known.screening
+    variant = VARIANTS[name]
     if variant.steps.screening in (EvtJoint, Recalibrated):
-        variant = replace(variant, config=replace(variant.config, delta=1.0 - screening.threshold))
-    return follow(begin(variant, trial), trial, {})
+        variant = replace(variant, config=replace(variant.config, delta=trial.delta))
+    return follow(begin(variant, trial), seen_by(variant, trial), {})
 
 
 def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
@@ -45,17 +46,27 @@ def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict
     Returns:
         For each round, see `follow`.
     """
-    model, names = begin(VARIANTS[name], first), dict[int, int]()
-    return [follow(model, replace(first, round=one), names) for one in rounds]
+    variant, names = VARIANTS[name], dict[int, int]()
+    model, seen = begin(variant, first), seen_by(variant, first)
+    return [follow(model, replace(seen, round=one), names) for one in rounds]
+
+
+def seen_by(variant: Variant, trial: Trial) -> Trial:
+    """The trial as the model of a variant takes it: numbers of windows where the encoder learns on."""
+    return trial.numbered if variant.learns else trial
 
 
 def begin(variant: Variant, trial: Trial) -> TRFE:
     """A model that knows the known classes of a trial."""
     config = replace(variant.config, seed=trial.seed, changes=trial.changes, pretrained=trial.tuned)
-    held = trial.validation
-    return variant.model(config, steps=variant.steps).fit(
-        *trial.labelled[:2], held.features, held.labels
+    model = (
+        LearningTRFE(config, variant.steps, trial, variant.learns)
+        if variant.learns
+        else variant.model(config, steps=variant.steps)
     )
+    seen = seen_by(variant, trial)
+    held = seen.validation
+    return model.fit(*seen.labelled[:2], held.features, held.labels)
 
 
 def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def protocol(
         str,
         typer.Option(
             help="Encoder: tokens, or of grids cpu, cpu-cells (no convolutions), cpu-rows (grids flattened row by row besides), "
-            "full, or pca (principal components of the grids instead)."
+            "full, full-rows (both), or pca (principal components of the grids instead)."
         ),
     ] = "cpu",
     channels: Annotated[

@@ -52,6 +52,8 @@ _OF_TOKENS = (
     *open_set.END_TO_END,
 )
 """Methods that need tokens."""
+_OF_ENCODERS = tuple(name for name, variant in VARIANTS.items() if variant.learns)
+"""Variants that need an encoder."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,8 @@ class Evaluation:
             names: of methods and variants; all by default.
         """
         skipped = _OF_TOKENS if isinstance(self.settings.view, Grid) else _OF_GRIDS
+        if self.settings.preset == pixels.PRESET:
+            skipped = (*skipped, *_OF_ENCODERS)
         keys = [
             Key(kind, name, seed, one.number)
             for seed in range(first, first + seeds)

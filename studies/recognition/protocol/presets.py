@@ -26,9 +26,13 @@ TOKENS = "tokens"
 _CPU = PRODUCT["cpu"]
 assert isinstance(_CPU.architecture, Architecture)
 _CELLS = replace(_CPU.architecture, front="cells")
+_FULL = PRODUCT["full"]
+assert isinstance(_FULL.architecture, Architecture)
 PRESETS: dict[str, Preset] = {
     **PRODUCT,
+    "full-rows": _FULL._replace(architecture=RowTokens(**asdict(_FULL.architecture))),
     "cpu-cells": _CPU._replace(architecture=_CELLS),
     "cpu-rows": _CPU._replace(architecture=RowTokens(**asdict(_CELLS))),
 }
-"""`cpu-cells` has no convolutions; `cpu-rows` has tokens of the grids flattened row by row besides, as published."""
+"""`cpu-cells` has no convolutions; `cpu-rows` has tokens of the grids flattened row by row besides, as published, and
+`full-rows` has them in the size of the publication."""

@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.config import Config
+from recognition.trfe.config import Config, Steps
 from recognition.trfe.discovery.candidates import Preprocessing
 from recognition.trfe.encoder.config import Architecture, Preset, TrainingSchedule
 from recognition.trfe.forest import TREES, VotingForest, grow
+from recognition.trfe.forest.known import DELTA, KnownClasses, Labelled, learn
 from recognition.trfe.inputs.samples import UNKNOWN, Features, drawn_of_each
 from recognition.trfe.inputs.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
 from recognition.trfe.training.windows import Split, View, Windows
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
+from schemas.common.storage import read_object, write_object
 from studies.recognition.baselines.clustering.pool import Pool
 from studies.recognition.plain import static
 from studies.recognition.protocol.pixels import pixel_features
@@ -92,6 +94,22 @@ class Trial:
     def pretrained(self) -> Encoder:
         """The encoder of the seed before any fine-tuning."""
         return self.trials.encoder(self.split, _before_all(self.round), self.seed)
+
+    @property
+    def encoder(self) -> Encoder:
+        """The encoder of the round, fine-tuned to the classes that are known."""
+        return self.trials.encoder(self.split, self.round, self.seed)
+
+    @cached_property
+    def numbered(self) -> Trial:
+        """The same with the numbers of windows (n, 1) in place of features, for methods that change what they read of them."""
+        return replace(self, features=np.arange(len(self.windows), dtype=np.float32)[:, None])
+
+    def tuned_again(
+        self, encoder: Encoder, rows: IntArray, labels: IntArray
+    ) -> tuple[Encoder, Features]:
+        """The encoder fine-tuned to windows with these numbers (n,) and labels (n,), and features (all windows, dim) by it."""
+        return self.trials.tuned_again(self.split, encoder, rows, labels, self.seed)
 
     @cached_property
     def only_encoded(self) -> Trial:
@@ -193,6 +211,25 @@ class Trial:
         return TRFE(self.config).fit(*self.labelled[:2], held.features, held.labels)
 
     @cached_property
+    def known(self) -> KnownClasses:
+        """The known classes of `model` under any δ, for what does not look at it."""
+        held, forest = self.validation, self.forest
+        return learn(
+            Labelled(*self.labelled[:2]),
+            Labelled(held.features, held.labels),
+            replace(self.config, delta=DELTA),
+            Steps(grow=lambda *_, **__: forest),
+        )
+
+    @cached_property
+    def delta(self) -> float:
+        """δ of `model`, kept on disk: to choose it takes a forest for each class."""
+        path = self.trials.folder(self.seed) / f"delta{self.round.number}.json"
+        if not path.exists():
+            write_object({"delta": 1.0 - self.model.known.screening.threshold}, path)
+        return float(read_object(path, "remove it to have it made again")["delta"])
+
+    @cached_property
     def forest(self) -> VotingForest:
         """The forest of `model`, without the δ that takes a forest for each class to choose."""
         return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
@@ -234,7 +271,7 @@ class Trials:
 
     def trial(self, split: Split, round_: Round, seed: int) -> Trial:
         """The trial of a round of a seed."""
-        rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
+        rows = np.sort(np.concatenate(split[:4]))
         before = _before_all(round_)
         parts = [
             self._features(rows, split, one, seed)
@@ -259,7 +296,7 @@ class Trials:
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
-        path = self._folder(seed) / f"encoded{round_.number}.npy"
+        path = self.folder(seed) / f"encoded{round_.number}.npy"
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
             draft = path.with_suffix(".draft.npy")
@@ -282,7 +319,7 @@ class Trials:
 
         preset = self.preset
         assert preset is not None, "principal components have no encoder"
-        place = self._folder(seed) / f"encoder{round_.number}"
+        place = self.folder(seed) / f"encoder{round_.number}"
         if (place / "encoder.safetensors").exists():
             return load(
                 place,
@@ -311,7 +348,25 @@ class Trials:
         save(made, place)
         return made
 
-    def _folder(self, seed: int) -> Path:
+    def tuned_again(
+        self, split: Split, encoder: Encoder, rows: IntArray, labels: IntArray, seed: int
+    ) -> tuple[Encoder, Features]:
+        """See `Trial.tuned_again`; features of windows outside the split are 0."""
+        from recognition.trfe.encoder.storage import features
+        from recognition.trfe.encoder.training import finetune
+
+        assert self.preset is not None, "principal components have no encoder"
+        known = replace(self.windows.select(rows), labels=labels)
+        tuned = finetune(
+            encoder, known, long_enough(self.preset.finetuning, len(known), _FINETUNING), seed
+        )
+        used = np.sort(np.concatenate(split[:4]))
+        found = np.zeros((len(self.windows), tuned.architecture.dim), dtype=np.float32)
+        found[used] = features(tuned, self.windows.select(used))
+        return tuned, found
+
+    def folder(self, seed: int) -> Path:
+        """The folder of what is kept of a seed."""
         return self.cache / (f"seed{seed}-all" if self.on_all else f"seed{seed}")
 
 

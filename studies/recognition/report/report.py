@@ -9,12 +9,20 @@ from typing import Any
 import numpy as np
 
 from recognition.labels import Label
+from recognition.trfe.discovery.candidates import Preprocessing
 from recognition.trfe.inputs.samples import BACKGROUND
 from schemas.common.terminal.text import csv_text
 from studies.recognition.ablations import CHAINED, VARIANTS
 from studies.recognition.experiments import clustering, open_set
 from studies.recognition.protocol.evaluation import EXPERIMENTS, Evaluation
-from studies.recognition.report.tables import Table, by_round, comparison, results_of, spread
+from studies.recognition.report.tables import (
+    REFERENCE,
+    Table,
+    by_round,
+    comparison,
+    results_of,
+    spread,
+)
 
 TITLES = {
     "open-set": open_set.TITLES,
@@ -195,13 +203,12 @@ def _at(seeds: dict[int, dict[int, dict[str, Any]]], value: float, figure: str) 
 
 
 def _capacities(evaluation: Evaluation) -> Table:
-    results = results_of(
-        evaluation.store,
-        "open-world",
-        [name for name in EXPERIMENTS["open-world"] if _is_capacity(name)],
-    )
-    results = {name: seeds for name, seeds in results.items() if _is_capacity(name)}
-    header, rows = comparison(results, {name: name[1:] for name in results}, _OPEN_WORLD)
+    results = results_of(evaluation.store, "open-world", [])
+    found = {int(name[1:]): seeds for name, seeds in results.items() if _is_capacity(name)}
+    if found and REFERENCE in results:
+        found.setdefault(Preprocessing().capacity, results[REFERENCE])
+    titles = {str(capacity): str(capacity) for capacity in sorted(found)}
+    header, rows = comparison({name: found[int(name)] for name in titles}, titles, _OPEN_WORLD)
     rows = [row[:-1] for row in rows]
     return Table(
         "sensitivity-w", "Sensitivity to W", "As in the open world.", ("W", *header[1:-1]), rows

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from recognition.trfe.encoder.config import Preset
+from recognition.trfe.encoder.config import Preset, TokenArchitecture, TrainingSchedule
 from recognition.trfe.encoder.model import Encoder, untrained
 from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.inputs.samples import Features
@@ -18,8 +19,11 @@ from recognition.trfe.inputs.tokens import CHANGES, MOTION_CHANGES, Tokens, chan
 from recognition.trfe.training.windows import Split, Windows
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
+from studies.recognition.ablations import VARIANTS
 from studies.recognition.baselines.open_set.logistic import Logistic
 from studies.recognition.experiments import open_set
+from studies.recognition.experiments.open_world import begin
+from studies.recognition.learning import LearningTRFE
 from studies.recognition.protocol.command import protocol
 from studies.recognition.protocol.evaluation import Evaluation, ProtocolSettings
 from studies.recognition.protocol.processes import run_beside
@@ -133,13 +137,24 @@ def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(
         ProtocolSettings(None, view=GRID),
         [],
     )
-    for processes in (1, 2):
+    for processes in (1, 3):
         out = tmp_path / str(processes)
         evaluation = Evaluation(windows, out, settings)
         pending = evaluation.pending(2, ["open-set", "clustering"], names)
         assert list(run_beside(windows, out, settings, pending, processes))[-1] == len(pending)
         written.append([(key, evaluation.store.read(key)) for key in pending])
-    assert written[0] == written[1]
+    assert written[0] == written[1]  # with more processes than seeds, rounds and kinds too
+
+
+def test_what_clustering_looks_at_is_the_same_under_any_delta(
+    windows: Path, tmp_path: Path
+) -> None:
+    trial = Evaluation(windows, tmp_path, ProtocolSettings(None, view=GRID)).trial(0, 1)
+    chosen, any_delta = trial.model.known, trial.known
+    seen = trial.test.features
+    assert (chosen.forest.vote(seen).counts == any_delta.forest.vote(seen).counts).all()
+    assert (chosen.prototypes.ratio(seen) == any_delta.prototypes.ratio(seen)).all()
+    assert trial.delta == chosen.screening.delta
 
 
 def test_a_process_that_dies_is_reported(
@@ -271,3 +286,34 @@ def test_reported_seeds_are_others_than_those_of_development(windows: Path, tmp_
     p = {row[0]: row[header.index("p")] for row in rows}
     assert p["**TRFE**"] == "–" and float(p["random"]) < 0.05
     assert "seeds 10, 11, 12" in (tmp_path / "report.md").read_text()
+
+
+def test_the_encoder_learns_on_with_what_is_discovered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = of_tokens(tmp_path)
+    small = Preset(TokenArchitecture(12, 1, 2, frame=8), *2 * (TrainingSchedule(1, 64, 1e-2),))
+    monkeypatch.setattr("studies.recognition.learning._EPOCHS", 2)
+    trial = replace(trial, trials=replace(trial.trials, preset=small, cache=tmp_path / "small"))
+    trial = trial.trials.trial(trial.split, trial.round, trial.seed)
+    made = begin(VARIANTS["joint-retrained"], trial)
+    assert isinstance(made, LearningTRFE)
+    plain = begin(VARIANTS["trfe"], trial)
+    seen = trial.numbered
+    rows = seen.stream.rows
+    assert (made.encode(seen.stream.features) == trial.features[rows]).all()
+    assert (
+        made.recognise(seen.test.features).labels == plain.recognise(trial.test.features).labels
+    ).all()
+    made.buffer.add(trial.features[rows], rows)
+    found = made.discover()
+    new = np.where(np.isin(trial.windows.labels[rows], trial.round.new[:1]), 101, 0)
+    made.expand(found._replace(labels=new))
+    assert 101 in made.known.classes
+    before, after = trial.features, made.features
+    tuned = trial.changes + trial.tuned
+    assert (after[:, :tuned] == before[:, :tuned]).all()
+    assert (after[rows, tuned:] != before[rows, tuned:]).any()
+    assert made.encoder.classes == tuple(made.known.classes)
+    assert not np.isin(made.buffer.keys, rows[new > 0]).any()
+    assert (made.buffer.inputs == after[made.buffer.keys]).all()
