@@ -17,7 +17,7 @@ from schemas.common.terminal.command_line import (
     new_app,
     out_folder,
 )
-from studies.publication.page import PAGE, settings_of, text
+from studies.publication.page import PAGE, text
 from studies.publication.results import (
     RESULTS,
     entry,
@@ -84,7 +84,7 @@ def publication(
                 write_journal(journal.values(), out)
                 print(f"{stage.name}: {seconds:.0f} s", flush=True)
         publish(found, out, results / scale)
-    keep(text(results / scale, scale, settings_of(scale)).encode(), page)
+    keep(text(results).encode(), page)
     print(page)
 
 

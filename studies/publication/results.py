@@ -31,6 +31,8 @@ class Entry(NamedTuple):
         stage, command: its name, and what follows `python -m`, with WORK for the folder of the run.
         seconds: time that it took on the cores.
         date, commit, version: day (ISO), commit of the source, and version of the toolchain.
+        device: accelerator beside the cores; blank without one.
+        note: what of it was not made, and anything else to know; blank for all of it.
     """
 
     stage: str
@@ -40,6 +42,8 @@ class Entry(NamedTuple):
     date: str
     commit: str
     version: str
+    device: str = ""
+    note: str = ""
 
 
 def entry(stage: Stage, work: Path, seconds: float) -> Entry:
@@ -52,6 +56,7 @@ def entry(stage: Stage, work: Path, seconds: float) -> Entry:
         date.today().isoformat(),
         _commit(),
         version("xosc-toolchain"),
+        _device(),
     )
 
 
@@ -114,6 +119,13 @@ def read_table(path: Path) -> list[list[str]]:
 def _shown(text: str) -> str:
     """A cell without the apostrophe that keeps a spreadsheet from taking it for a formula."""
     return text[1:] if text.startswith("'") else text
+
+
+def _device() -> str:
+    """Name of the accelerator on which torch trains; blank without one."""
+    import torch
+
+    return torch.cuda.get_device_name() if torch.cuda.is_available() else ""
 
 
 def _commit() -> str:

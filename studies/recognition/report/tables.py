@@ -70,19 +70,20 @@ def comparison(
     """Header and rows: a row for each method, a column for each figure (name of the value →
     heading), means over rounds.
 
-    The last column is the p of a paired t-test over seeds, of a row's first figure against that of
-    TRFE.
+    The last columns are the number of seeds, and the p of a paired t-test over those of a row's
+    first figure against that of TRFE.
     """
     first = next(iter(figures))
     rows = [
         (
             titles.get(name, name),
             *(spread(over_rounds(seeds, figure)) for figure in figures),
+            str(len(seeds)),
             paired(seeds, results.get(REFERENCE, {}), first) if name != REFERENCE else "–",
         )
         for name, seeds in results.items()
     ]
-    return ("", *figures.values(), "p"), rows
+    return ("", *figures.values(), "seeds", "p"), rows
 
 
 def paired(

@@ -17,7 +17,7 @@ from studies.publication import page, results
 from studies.publication.stages import SCALES, FailedStage, Stage, run, stages
 
 SCALE = "smallest"
-RESULTS = results.RESULTS / SCALE
+RESULTS = results.RESULTS
 
 
 @pytest.fixture
@@ -80,36 +80,56 @@ def test_an_unknown_stage_is_named(
     assert "there is no stage 'shiped'; stages: recordings, published" in capsys.readouterr().err
 
 
+def table(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
 def test_rows_of_ours_stand_beside_the_published_ones(tmp_path: Path) -> None:
     for stage, f1 in (("published", "0.500 ± 0.010"), ("shipped", "0.800")):
-        (tmp_path / stage).mkdir()
-        (tmp_path / stage / "open-set.csv").write_text(
+        table(
+            tmp_path / SCALE / stage / "open-set.csv",
             f",macro-F1,(K+1) accuracy,AUROC,OSCR,p\n**TRFE**,{f1},0,0.9,0.7,–\nCAC,0.4,0,0.8,0.6,0.03\n",
-            encoding="utf-8",
         )
-    text = page.text(tmp_path, SCALE, "")
+    text = page.text(tmp_path)
     assert "| TRFE | 0.906 | 0.500 ± 0.010 | 0.9 | 0.7 | 0.800 | 0.9 | 0.7 |" in text
     assert "| CEVT (reading B) | 0.875 | – | – | – | – | – | – |" in text
     assert "| CAC | – | 0.4 |" in text
     assert "### Table 4: clustering of new classes\n\nNot made with these settings." in text
 
 
+def test_full_rows_are_shown_before_the_smallest_and_say_their_seeds(tmp_path: Path) -> None:
+    for scale, seeds in (("smallest", 1), ("full", 2)):
+        for name in ("open-set", "chain") if scale == "smallest" else ("open-set",):
+            table(
+                tmp_path / scale / "shipped" / f"{name}.csv",
+                f",macro-F1,AUROC,OSCR,ACC_cluster,macro-F1 after,seeds,p\n**TRFE**,{seeds},,,,,{seeds},\n",
+            )
+    text = page.text(tmp_path)
+    assert "### Table 3: recognition of known and unknown classes\n" in text
+    assert "| TRFE | 0.906 | – | – | – | – | 2 |  |  | 2 |" in text
+    assert "### five rounds on the model's own discoveries, smallest settings\n" in text
+
+
 def test_a_damaged_journal_is_named(tmp_path: Path) -> None:
-    (tmp_path / results.JOURNAL).write_text("stage,command\na,b\n", encoding="utf-8")
+    table(tmp_path / SCALE / results.JOURNAL, "stage,command\na,b\n")
     with pytest.raises(InvalidFile, match="no journal of stages"):
-        page.text(tmp_path, SCALE, "")
+        page.text(tmp_path)
 
 
 def test_the_page_says_what_the_result_files_say() -> None:
-    made = page.text(RESULTS, SCALE, page.settings_of(SCALE))
-    assert page.PAGE.read_text(encoding="utf-8") == made, (
+    assert page.PAGE.read_text(encoding="utf-8") == page.text(RESULTS), (
         "python -m studies.publication --page-only"
     )
 
 
-def test_each_row_of_results_comes_from_a_command_that_is_still_there() -> None:
+@pytest.mark.parametrize("scale", SCALES)
+def test_each_row_of_results_comes_from_a_command_that_is_still_there(scale: str) -> None:
     work = Path("WORK")
-    now = {one.name: results.written(one, work) for one in stages(SCALES[SCALE], work)}
-    journal = results.read_journal(RESULTS)
-    assert journal.keys() == now.keys()
-    assert {name: entry.command for name, entry in journal.items()} == now
+    now = {one.name: results.written(one, work) for one in stages(SCALES[scale], work)}
+    journal = results.read_journal(RESULTS / scale)
+    made = {path.parent.name for path in (RESULTS / scale).glob("*/*.csv")}
+    assert made <= journal.keys() <= now.keys()
+    assert {name: entry.command for name, entry in journal.items()} == {
+        name: now[name] for name in journal
+    }
