@@ -30,8 +30,8 @@ FILES = ("simple_cut_in", "simple_cut_in_variation", "highway_lead_brake")
 """Scenarios of the small library"""
 BEFORE = {
     "batches": [
-        "xosc-run simple_cut_in --world kinematic --out results",
-        "xosc-run simple_cut_in --world kinematic --out older",
+        "xosc-run simple_cut_in -p CutIn_Gap_m=12 --world kinematic --out results",
+        "xosc-run simple_cut_in -p CutIn_Gap_m=12 --world kinematic --out older",
     ],
     "ci": ["rm -r xosc xodr", "xosc new scenario mine --like simple_cut_in"],
     "osi": ["xosc-run simple_cut_in --osi trace.mcap --quiet"],
