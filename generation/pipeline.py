@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from generation.clock import SearchClock, TimeOver
 from generation.estimation.bound import DrawnBound, draws_until
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
@@ -73,6 +72,8 @@ _REPLAYED = 30, 300
 """Least and most replays of recorded units that a density is measured by; without plays; between them a tenth of the budget"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
 """Replays, and draws, that are played to measure a density for each run of the budget, and how many at most"""
+_A_MINUTE = 5000
+"""Replays, and draws, that are played to measure a density for each minute of the time"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
@@ -178,6 +179,7 @@ def generate(
         >>> found.statement.draws, len(found.history.theta)
         (20, 20)
     """
+    clock = SearchClock(settings.minutes)
     search = method(settings.method)  # refuse an unknown name before recordings are read
     # Space: the box of parameters, and the recorded points in it
     space = space_of(scenario, settings)
@@ -199,21 +201,23 @@ def generate(
         unguided = prior.sample(
             drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)])
         )
-        drawn = counted(draws, progress)(unguided)
+        drawn = clock.some(counted(draws, progress), unguided, _DRAWN_UNTIL)
+        unguided = unguided[: len(drawn)]
         unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget, judges included
         plays = _plays(scenario, space, settings)
-        screen = None if plays is None else Counting(plays)
+        screen = None if plays is None else Counting(clock.limited(plays))
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = _drivers(scenario, space, out, settings, evaluator)
-        judging = None if screen is not None else Judging(space, counted_drivers(drivers, progress))
+        asked = clock.limited(counted_drivers(drivers, progress))
+        judging = None if screen is not None else Judging(space, asked)
 
         def made(history: History, ended: bool = True, cut: bool = False) -> Generated:
             """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
             sought, drawings = runs.episodes(reward), draws.episodes(reward)
             every = Episodes.joined([sought, drawings])
-            estimated = settings.estimate and ended
+            estimated = settings.estimate and ended and not cut
             rate = (
                 _estimate(problem, source, more, evaluator, every, settings) if estimated else None
             )
@@ -223,11 +227,13 @@ def generate(
                 failed = every.theta[every.outcomes.executed & every.outcomes.collision]
                 bound = draws_until(
                     settings.until, space, prior, plays, refuting, failed, settings.seed,
-                    lambda: course.over,
+                    lambda: clock.over,
                 )  # fmt: skip
             against = refuting.episodes(reward)
             every = Episodes.joined([every, estimates, against])
-            cases = choose(space, every, judged, drivers, settings.choice, found, plays)
+            most = clock.most(settings.choice.most, evaluator.calls, cut)
+            choice = replace(settings.choice, most=most)
+            cases = choose(space, every, judged, drivers, choice, found, plays)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
             generated = Generated(
                 space, real, prior, history, every, cases, files, gate, runs.reused, rate,
@@ -250,17 +256,17 @@ def generate(
             reward,
             unseen,
             settings,
+            clock,
             lambda history: interim(made(history, False)),
         )
         problem = SearchProblem(space, course, reward, real.theta, found, prior, screen, judging)
         try:
-            return made(search(problem, settings.budget - len(unguided), settings.seed))
-        except _TimeOver:
+            left = settings.budget - drawn_of(settings.budget)
+            return made(
+                search(problem, left, settings.seed), cut=len(drawn) < settings.budget - left
+            )
+        except TimeOver:
             return made(course.history, cut=True)
-
-
-class _TimeOver(Exception):
-    """The time of a search is over."""
 
 
 class _Course:
@@ -278,16 +284,15 @@ class _Course:
         reward: Reward,
         before: Episodes,
         settings: SearchSettings,
+        clock: SearchClock,
         interim: Callable[[History], object],
     ) -> None:
+        self._clock = clock
         self._evaluate, self._reward, self._interim, self._every = (
             evaluate,
             reward,
             interim,
             settings.every,
-        )
-        self._end = (
-            math.inf if settings.minutes is None else time.monotonic() + _MINUTE * settings.minutes
         )
         self._runs, self._budget, self._parts = (
             len(before.theta),
@@ -299,10 +304,9 @@ class _Course:
         """Outcomes of points (n, d).
 
         Raises:
-            _TimeOver: the time is over.
+            TimeOver: the time is over.
         """
-        if self.over:
-            raise _TimeOver
+        self._clock.check()
         outcomes, before = self._evaluate(theta), self._runs
         self._runs += len(theta)
         self._parts.append(Episodes(theta, outcomes, self._reward(theta, outcomes)))
@@ -315,17 +319,13 @@ class _Course:
         return outcomes
 
     @property
-    def over(self) -> bool:
-        """Whether the time is over."""
-        return time.monotonic() >= self._end
-
-    @property
     def history(self) -> History:
         """All runs so far."""
         return History(*Episodes.joined(self._parts))
 
 
-_MINUTE = 60.0
+_DRAWN_UNTIL = 0.3
+"""Share of the time after which nothing more is drawn"""
 
 
 def domain_of(scenario: Path, space: Space, recorded: Recorded, settings: SearchSettings) -> Domain:
@@ -370,6 +370,8 @@ def _gate(
         and agrees(plays(unseen.theta[ran]), unseen.outcomes.take(ran))
     ):
         number = min(_PLAYED * settings.budget, _MOST_PLAYED)
+        if settings.minutes is not None:
+            number = min(number, max(_REPLAYED[1], round(_A_MINUTE * settings.minutes)))
         replayed, unprevented = replay_shares(units[:number], replaying, replaying)
         draws = recorded.prior(own, settings.density).sample(number, generator)
         return Gate(replayed, Share.of(replaying(draws)), unprevented, True)

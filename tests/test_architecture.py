@@ -32,7 +32,7 @@ ROOMS = {
     "xodr": "model graph lookup reader builders formats rules",
     "runner": "engine systems judging batch exchange view xosc_run",
     "recognition": "recordings recorder scenes labels trfe catalogue xosc_recognize",
-    "generation": "space search estimation pipeline report loop xosc_generate",
+    "generation": "space search clock estimation pipeline report loop xosc_generate",
 }
 """Rooms of each package, the lowest first; one imports those before it only. Where rooms are named in strings, that counts."""
 OF_KINDS = {"xosc/exports": "one module a target", "schemas/common": "used by all, knows none"}

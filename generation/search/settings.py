@@ -103,8 +103,8 @@ class SearchSettings:
         until: draw in arrays, after the search, until failures that were not found have a
             probability below it, or one stands against it; None for no such draws.
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
-        minutes: time after which the search ends, whatever is left of its budget; None for no
-            limit.
+        minutes: time for all phases; draws have a third of it, the search ends when two thirds are
+            over, whatever is left of its budget, and there is no estimate then; None for no limit.
         every: runs after which what was found so far is written; None to write once, at the end.
         overwrite: whether files in the way are replaced that no earlier search wrote as they are.
 
@@ -162,7 +162,7 @@ class SearchSettings:
     )
     minutes: float | None = option(
         None,
-        "End the search after so many minutes; the same command goes on.",
+        "End after about so many minutes, with edge cases and report; the same command goes on.",
         min=0.0,
         metavar="M",
     )

@@ -1,0 +1,58 @@
+"""One clock over all phases of a search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation import clock as clocks
+from generation.clock import SearchClock, TimeOver
+from generation.search.outcomes import Outcomes
+from schemas.common.array_types import FloatArray
+
+THETA = np.arange(400.0)[:, None]
+
+
+class Time:
+    """Passes a second for each point that is run."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def run(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        self.now += len(theta)
+        return Outcomes.of(len(theta), end_time=theta[:, 0])
+
+
+@pytest.fixture
+def passing(monkeypatch: pytest.MonkeyPatch) -> Time:
+    found = Time()
+    monkeypatch.setattr(clocks.time, "monotonic", lambda: found.now)
+    return found
+
+
+def test_draws_end_with_their_share_of_the_time_and_are_one_batch_at_least(passing: Time) -> None:
+    assert len(SearchClock(None).some(passing.run, THETA, 0.3)) == 400
+    found = SearchClock(10.0).some(passing.run, THETA, 0.3)
+    assert found.end_time.tolist() == list(range(200)), "a third of 600 s, in batches of 50"
+    assert len(SearchClock(0.0).some(passing.run, THETA, 0.3)) == 50
+    assert len(SearchClock(0.0).some(passing.run, THETA[:0], 0.3)) == 0
+
+
+def test_plays_and_judges_look_at_the_clock_too(passing: Time) -> None:
+    many = np.tile(THETA, (20, 1))
+    limited = SearchClock(60.0).limited(passing.run)
+    assert len(limited(many[:2000])) == 2000 and len(limited(many[:0], "fsm")) == 0
+    with pytest.raises(TimeOver):
+        limited(many)
+    assert passing.now < 3600, "edge cases are chosen in what is left"
+
+
+def test_edge_cases_are_as_many_as_there_is_time_for(passing: Time) -> None:
+    clock = SearchClock(10.0)
+    passing.now = 440.0
+    assert clock.most(100, 440, cut=False) == 100
+    assert clock.most(100, 440, cut=True) == 20, "160 s for eight runs each, at one a second"
+    passing.now = 700.0
+    assert clock.most(100, 440, cut=True) == 1
+    assert SearchClock(None).most(100, 440, cut=True) == 100
