@@ -18,7 +18,7 @@ _SEEDS = "seeds"
 _INTRODUCTION = """\
 # The publication, row by row
 
-This page is generated from the result files in `studies/results`: `python -m studies.publication` makes both, `--page` the page
+This page is generated from the result files in `studies/results`: `python -m studies.publication` makes both, `--page-only` the page
 alone. Edit neither by hand.
 
 **Rows of ours can't be compared with published ones.** The publication was measured on highD and INTERACTION with CARLA, ours on
