@@ -306,7 +306,8 @@ def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(
 
 def test_no_command_that_takes_a_system_is_left_out() -> None:
     taking = {name for name, home in COMMANDS.items() if "sut" in parameters(home)}
-    assert taking == {name for name, *_ in CALLS.values()}
+    served = {"xosc-explore"}  # it runs until it is ended: tests/xosc_toolchain/test_explore.py
+    assert taking - served == {name for name, *_ in CALLS.values()}
 
 
 def parameters(module: str) -> set[str]:

@@ -102,7 +102,8 @@ function regions() {
     note(
       "The most important first: regions with edge cases, then by probability times impact. " +
         "Failures of a region are linked by steps of 15 % of the ranges. " +
-        "Precision is the share of unguided draws within a rule that fail, recall the share of failing ones of the region within it, [95 %]: " +
+        "Precision is the share of unguided draws within a rule that fail, " +
+          "recall the share of failing ones of the region within it, [95 %]: " +
         "as in traffic. Probabilities come from unguided draws that fail within 10 % of a region's failures.",
     ),
   );
