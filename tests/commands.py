@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -26,3 +27,8 @@ def main(name: str) -> Callable[[], None]:
     """The function that is started as a command."""
     function: Callable[[], None] = load(name).main
     return function
+
+
+def as_of_a_terminal() -> None:
+    """Before a process begins: let it end by Ctrl-C, which shells take from what they start beside them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.commands import SCRIPTS, Command
+from tests.commands import SCRIPTS, Command, as_of_a_terminal
 
 ROOT = Path(__file__).parents[2]
 EXTENDING = sorted((ROOT / "docs" / "extending").glob("*.md"))
@@ -210,11 +210,16 @@ def interrupted(line: str) -> tuple[int, str]:
     """Exit code and first line of a command that is ended by Ctrl-C."""
     name, *arguments = shlex.split(line)
     program = [Path(sys.executable).with_name(name), *arguments]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        program, stdout=subprocess.PIPE, text=True, preexec_fn=as_of_a_terminal
+    ) as process:
         assert process.stdout is not None
-        first = process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        return process.wait(_SECONDS), first
+        try:
+            first = process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+            return process.wait(_SECONDS), first
+        finally:
+            process.kill()  # leaving the block waits for it
 
 
 def is_printed(line: str, printed: str) -> bool:

@@ -18,7 +18,7 @@ import pytest
 
 from runner.judging.execution import run
 from runner.judging.settings import RunSettings
-from tests.commands import Command
+from tests.commands import Command, as_of_a_terminal
 from tests.runner.chromium import Browser
 from xosc_toolchain import xosc_explore
 
@@ -352,10 +352,13 @@ def test_ctrl_c_ends_the_command(tmp_path: Path) -> None:
     program = [sys.executable, "-m", "xosc_toolchain.xosc_explore", "simple_cut_in"]
     with subprocess.Popen(
         program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=as_of_a_terminal,
     ) as process:  # fmt: skip
         assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        assert address.startswith("http://127.0.0.1:")
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        try:
+            address = process.stdout.readline().strip()
+            assert address.startswith("http://127.0.0.1:")
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+        finally:
+            process.kill()  # leaving the block waits for it
