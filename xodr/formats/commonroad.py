@@ -26,6 +26,7 @@ from xodr.formats.maps.lane_map import (
     MapSignal,
     resampled,
     sides_of,
+    with_area,
 )
 from xodr.formats.maps.projecting import Projector
 
@@ -380,7 +381,10 @@ def read(path: Path) -> LaneMap:
             numbers = [number(more, tag) for tag in ("xTranslation", "yTranslation", "zRotation")]
     offset = (numbers[0], numbers[1], 0.0, numbers[2])
     notes = [] if projection else ["the map says nothing of its projection"]
-    areas = [_area(one, elements[one.id]) for one in everything if one.id not in lanes]
+    areas, left_out = with_area(
+        _area(one, elements[one.id]) for one in everything if one.id not in lanes
+    )
+    notes += left_out
     return LaneMap(
         path.stem, lanes, lights, projection or None, offset, notes=notes, crosswalks=areas
     )

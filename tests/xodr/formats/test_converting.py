@@ -233,6 +233,23 @@ def test_opendrive_keeps_what_it_says_of_a_lane_map(source: Path, tmp_path: Path
     assert [field for field in kept if not CHECKS[field](made)] == []
 
 
+@pytest.mark.parametrize("target", ["lanelet2", "commonroad"])
+@pytest.mark.parametrize(
+    "outline",
+    ["", '<outline><cornerLocal u="0" v="0" z="0"/><cornerLocal u="3" v="0" z="0"/></outline>'],
+    ids=["no size", "two corners"],
+)
+def test_a_crosswalk_without_an_area_is_left_out_by_name(
+    target: str, outline: str, tmp_path: Path
+) -> None:
+    source = tmp_path / "line.xodr"
+    crossing = f'<object id="10" type="crosswalk" s="80" t="0" zOffset="0">{outline}</object>'
+    source.write_text(road().replace("</objects>", f"{crossing}</objects>"), encoding="utf-8")
+    made = maps.convert(source, tmp_path / ENDINGS[target])
+    assert "crosswalks without an area are left out: 1/10" in made.notes
+    assert made.result.crosswalks == []
+
+
 @pytest.mark.parametrize("between", ["lanelet2", "geojson"])
 def test_the_right_of_way_is_that_of_the_source(between: str, tmp_path: Path) -> None:
     source = LIBRARY / "t_junction_two_lanes.xodr"

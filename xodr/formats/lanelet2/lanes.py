@@ -30,6 +30,7 @@ from xodr.formats.maps.lane_map import (
     MapSignal,
     heights_on,
     sides_of,
+    with_area,
 )
 from xodr.formats.maps.projecting import Projector
 
@@ -365,12 +366,12 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
     projection, offset = _own_projection(path) if origin is None else (None, (0.0, 0.0, 0.0, 0.0))
     if projection is None and found.geo is not None:
         projection, offset = found.geo.projection, (*found.geo.origin, 0.0, 0.0)
-    areas = [
+    areas, left_out = with_area(
         MapCrosswalk(area.id, np.column_stack([area.outline, _heights_beside(area.outline, made)]))
         for area in found.crosswalks
-    ]
+    )
     return LaneMap(
-        path.stem, made, signals, projection, offset, notes=[*found.notes, *added],
+        path.stem, made, signals, projection, offset, notes=[*found.notes, *added, *left_out],
         crosswalks=areas, priorities=found.priorities,
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -146,6 +146,12 @@ def of_network(network: RoadNetwork) -> LaneMap:
     }  # fmt: skip
     rules = [road.rule for road in network.roads.values()]
     left_hand = rules.count("LHT") > len(rules) / 2
+    areas, notes = with_area(
+        MapCrosswalk(f"{road.id}/{item.id}", outline_of(road, item))
+        for road in network.roads.values()
+        for item in road.objects
+        if item.type == "crosswalk"
+    )
     return LaneMap(
         network.path.stem,
         found,
@@ -153,14 +159,26 @@ def of_network(network: RoadNetwork) -> LaneMap:
         network.geo_reference,
         network.header.offset,
         left_hand,
-        crosswalks=[
-            MapCrosswalk(f"{road.id}/{item.id}", outline_of(road, item))
-            for road in network.roads.values()
-            for item in road.objects
-            if item.type == "crosswalk"
-        ],
+        notes=notes,
+        crosswalks=areas,
         priorities=_priorities(network, found),
     )
+
+
+def with_area(crosswalks: Iterable[MapCrosswalk]) -> tuple[list[MapCrosswalk], list[str]]:
+    """The crosswalks that have an area, and a sentence on the others."""
+    areas, lines = list[MapCrosswalk](), list[str]()
+    for crosswalk in crosswalks:
+        hull = shapely.MultiPoint(crosswalk.outline[:, :2]).convex_hull
+        if hull.area > _LEAST_AREA:
+            areas.append(crosswalk)
+        else:
+            lines.append(crosswalk.id)
+    return areas, [f"crosswalks without an area are left out: {' '.join(lines)}"] if lines else []
+
+
+_LEAST_AREA = 0.01
+"""Area (m²) below which a crosswalk is none"""
 
 
 def outline_of(road: Road, item: RoadObject) -> Points:
