@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from generation.search.outcomes import Evaluate, Outcomes, joined
+from generation.search.outcomes import Outcomes, joined
 from schemas.common.array_types import FloatArray
 
 SEARCHED = 0.7
 """Share of the time after which nothing more is sought: edge cases are chosen and written in the rest"""
-_MINUTE, _BATCH = 60.0, 50
+_MINUTE, _PART = 60.0, 50
 _DRIVERS = 8
 """Runs that an edge case takes: judges, other reference drivers, its replay"""
 
@@ -51,14 +51,13 @@ class SearchClock:
         if self.over:
             raise TimeOver
 
-    def some(self, evaluate: Evaluate, theta: FloatArray, until: float) -> Outcomes:
-        """Outcomes of points (n, d), or of the first ones, as many as a share of the time allows and one batch at least."""
-        parts = list[Outcomes]()
-        for start in range(0, len(theta), _BATCH):
-            if parts and self._spent >= until * self._limit:
+    def parts(self, theta: FloatArray, until: float) -> Iterator[FloatArray]:
+        """Yield parts of points (n, d), one at least, for as long as a share of the time lasts."""
+        yield theta[:_PART]
+        for start in range(_PART, len(theta), _PART):
+            if self._spent >= until * self._limit:
                 break
-            parts.append(evaluate(theta[start : start + _BATCH]))
-        return joined(parts) if parts else Outcomes.of(0)
+            yield theta[start : start + _PART]
 
     def limited(self, drivers: Callable[..., Outcomes]) -> Callable[..., Outcomes]:
         """The same drivers, or plays, which ask for the time in each block of points."""

@@ -36,6 +36,7 @@ from generation.search.outcomes import (
     Outcomes,
     agrees,
     choose,
+    joined,
     remembering,
     write_episodes,
 )
@@ -201,7 +202,8 @@ def generate(
         unguided = prior.sample(
             drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)])
         )
-        drawn = clock.some(counted(draws, progress), unguided, _DRAWN_UNTIL)
+        draw = counted(draws, progress)
+        drawn = joined([draw(part) for part in clock.parts(unguided, _DRAWN_UNTIL)])
         unguided = unguided[: len(drawn)]
         unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         gate = _gate(scenario, space, source, unseen, out, settings)

@@ -7,7 +7,7 @@ import pytest
 
 from generation import clock as clocks
 from generation.clock import SearchClock, TimeOver
-from generation.search.outcomes import Outcomes
+from generation.search.outcomes import Outcomes, joined
 from schemas.common.array_types import FloatArray
 
 THETA = np.arange(400.0)[:, None]
@@ -31,12 +31,15 @@ def passing(monkeypatch: pytest.MonkeyPatch) -> Time:
     return found
 
 
-def test_draws_end_with_their_share_of_the_time_and_are_one_batch_at_least(passing: Time) -> None:
-    assert len(SearchClock(None).some(passing.run, THETA, 0.3)) == 400
-    found = SearchClock(10.0).some(passing.run, THETA, 0.3)
-    assert found.end_time.tolist() == list(range(200)), "a third of 600 s, in batches of 50"
-    assert len(SearchClock(0.0).some(passing.run, THETA, 0.3)) == 50
-    assert len(SearchClock(0.0).some(passing.run, THETA[:0], 0.3)) == 0
+def test_draws_end_with_their_share_of_the_time_and_are_one_part_at_least(passing: Time) -> None:
+    def drawn(minutes: float | None, theta: FloatArray = THETA) -> list[float]:
+        parts = SearchClock(minutes).parts(theta, 0.3)
+        return joined([passing.run(part) for part in parts]).end_time.tolist()
+
+    assert drawn(None) == list(range(400))
+    assert drawn(10.0) == list(range(200)), "a third of 600 s, in parts of 50"
+    assert drawn(0.0) == list(range(50))
+    assert drawn(0.0, THETA[:0]) == []
 
 
 def test_plays_and_judges_look_at_the_clock_too(passing: Time) -> None:

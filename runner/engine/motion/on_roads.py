@@ -512,21 +512,23 @@ class Roads:
     ) -> FloatArray:
         """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead;
         return its speeds."""
-        along = going
-        if self.lane_motion is None or not rows.on_lane.all():
-            # An array of objects compared with None itself would give one value, not a mask.
-            led = going & np.not_equal(rows.motion, np.array(None, object)).astype(bool)
-            along = going & rows.on_lane & ~led
-            STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane & ~led)
-            if led.any():
-                speed, rows.h = speed.copy(), rows.h.copy()
-            for row in np.flatnonzero(led):
-                entity = rows.load(row)
-                speed[row] = entity.controls.motion.advance(entity, float(speed[row]), dt)
-                rows.store(row, entity)
-        if self.lane_motion is None:
-            return speed
-        return self.lane_motion.advance_batch(rows, speed, dt, along)
+        if self.lane_motion is not None and rows.on_lane.all():
+            return self.lane_motion.advance_batch(rows, speed, dt, going)
+        # An array of objects compared with None itself would give one value, not a mask.
+        led = going & np.not_equal(rows.motion, np.array(None, object)).astype(bool)
+        free = going & ~rows.on_lane & ~led
+        # Lanes come first: a path that ends in this step puts its entity on a lane, along which it
+        # moves from the next step on.
+        if self.lane_motion is not None:
+            speed = self.lane_motion.advance_batch(rows, speed, dt, going & rows.on_lane & ~led)
+        STRAIGHT_AHEAD.advance_batch(rows, speed, dt, free)
+        if led.any():
+            speed, rows.h = speed.copy(), rows.h.copy()
+        for row in np.flatnonzero(led):
+            entity = rows.load(row)
+            speed[row] = entity.controls.motion.advance(entity, float(speed[row]), dt)
+            rows.store(row, entity)
+        return speed
 
     def stay_batch(self, rows: EntityRows, ended: BoolArray) -> None:
         """`stay` in the runs (n,) in which lateral action has ended."""

@@ -18,6 +18,7 @@ from runner.batch.options import BatchOptions
 from runner.judging.settings import RunSettings
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
+CONFORMANCE = Path(__file__).parents[2] / "conformance" / "scenarios"
 WEEK = int(datetime.now(UTC).strftime("%G%V"))
 """Seed of the sets that are drawn: others each week"""
 
@@ -91,7 +92,7 @@ def test_public_files_are_played_as_by_the_interpreter(
 
 
 def test_an_element_that_plays_in_single_runs_only_is_named_with_its_line() -> None:
-    path = LIBRARY.parents[1] / "tests" / "conformance" / "scenarios" / "LightStateAction.xosc"
+    path = CONFORMANCE / "LightStateAction.xosc"
     reason = obstacle(path, settings())
     assert "LightStateAction plays in single runs only" in reason
     assert "LightStateAction.xosc:" in reason
@@ -194,6 +195,17 @@ def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path)
     together = Together(source, settings(), tmp_path, told.append)
     assert not any(isinstance(each, Outcome) for each in together)
     assert "PreferredLaneLayerAction" in told[0]
+
+
+def test_an_entity_moves_once_in_the_step_that_ends_its_path_on_a_lane(tmp_path: Path) -> None:
+    source = CONFORMANCE / "FollowTrajectoryAction.xosc"
+    text = source.read_text("utf-8").replace('"../roads', f'"{source.parents[1]}/roads')
+    text = text.replace('"Car"', '"Ego"')
+    path = tmp_path / "scenario.xosc"
+    path.write_text(text.replace('x="140" y="8.25"', 'x="140" y="-1.75"')
+                    .replace('x="100" y="8.25"', 'x="160" y="-1.75"'), encoding="utf-8")  # fmt: skip
+    compared, found, _ = compare(path, replace(settings(), max_time=15.0), 1, 0)
+    assert (compared, found) == (1, [])
 
 
 def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) -> None:
