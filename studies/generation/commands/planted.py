@@ -29,7 +29,11 @@ def command(
         str, typer.Option(help="Generator of planted systems: development, reported.")
     ] = "development",
     methods: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Only these methods (repeatable), as cover, or cover:explored=0.25,spread=0 with other settings.",
+        ),
     ] = None,
     budget: Annotated[
         int,
@@ -44,7 +48,7 @@ def command(
     base: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Driver outside the regions.  [default: survives everything]"
+            metavar="NAME", help="Driver outside the regions.  [default: that of each plan]"
         ),
     ] = None,
     times: Annotated[
@@ -85,23 +89,25 @@ def command(
         PLAYED,
         ROWS,
         Benchmark,
+        row,
         statements,
         table,
     )
-    from studies.generation.planted.systems import PERFECT, UNDRIVEN, Pool
+    from studies.generation.planted.systems import UNDRIVEN, Pool
     from studies.generation.problem import posed
 
     if generator not in PLANS:
         raise UsageError(f"there is no generator {generator!r}; generators: {', '.join(PLANS)}")
-    if unknown := [name for name in methods or () if name not in ROWS]:
-        raise UsageError(f"there is no row {unknown[0]!r}; rows: {', '.join(ROWS)}")
+    for name in methods or ():
+        row(name)  # refuse an unknown one before systems are played
     if plans and max(plans) >= len(PLANS[generator]):
         raise UsageError(
             f"the generator {generator} has {len(PLANS[generator])} plans, counted from 0"
         )
     chosen = [PLANS[generator][number] for number in plans or range(len(PLANS[generator]))]
     chosen = [
-        replace(plan, base=base or PERFECT, probability=times * plan.probability) for plan in chosen
+        replace(plan, base=base or plan.base, probability=times * plan.probability)
+        for plan in chosen
     ]
     with (
         interruptible(NAME, "the same command continues"),

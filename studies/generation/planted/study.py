@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +17,14 @@ from scipy.spatial.distance import cdist
 
 from generation.pipeline import drawn_of
 from generation.search.gate import NEAR, Statement
-from generation.search.methods.cover import cover, draws
+from generation.search.methods.cover import CoverSettings, cover, draws
 from generation.search.methods.judging import Judging
 from generation.search.methods.mcsg import mcsg, mcsg_published
 from generation.search.outcomes import Outcomes, survivors
 from generation.search.problem import History, Plays, Search, SearchProblem
 from generation.space.space import Space, distinctive
 from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError, guess
 from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
 from studies.generation.baselines.level_sets import level_sets
@@ -97,6 +99,37 @@ _ALONE = frozenset({"mcsg", "mcsg-published"})
 """Methods that draw from a generator of the whole process: no other search may work beside them"""
 OURS = "cover"
 """The method that the others are compared with"""
+
+
+def row(name: str) -> Search:
+    """The method of a name in `ROWS`; `cover:explored=0.25,spread=0` is `cover` with other settings
+    (`generation.search.methods.cover.CoverSettings`).
+
+    Raises:
+        UsageError: there is no such method or setting, or a value is no number.
+    """
+    method, _, changes = name.partition(":")
+    if method not in ROWS:
+        raise UsageError(f"there is no row {name!r}; {guess(method, ROWS)}rows: {', '.join(ROWS)}")
+    if not changes:
+        return ROWS[method]
+    known = {
+        each.name: type(each.default)
+        for each in fields(CoverSettings)
+        if isinstance(each.default, int | float)
+    }
+    changed = dict[str, Any]()
+    for entry in changes.split(","):
+        setting, _, value = entry.partition("=")
+        if ROWS[method] is not cover or setting not in known:
+            raise UsageError(
+                f"{method} has no setting {setting!r}; settings of {OURS}: {', '.join(known)}"
+            )
+        try:
+            changed[setting] = known[setting](value)
+        except ValueError:
+            raise UsageError(f"{entry!r}: {value!r} is no number of this setting") from None
+    return partial(cover, settings=replace(CoverSettings(), **changed))
 
 
 class Found(NamedTuple):
@@ -216,7 +249,7 @@ class Benchmark(NamedTuple):
     Attributes:
         problem: with prior. plays: plays points with any system. pool: what recall is measured by.
             plans: of the systems.
-        first: seed of the first system. methods: names in `ROWS`. budget: runs of a search.
+        first: seed of the first system. methods: names that `row` knows. budget: runs of a search.
     """
 
     problem: SearchProblem
@@ -308,7 +341,7 @@ class Benchmark(NamedTuple):
                 judging=judging,
             )
             start = time.thread_time()
-            history = ROWS[name](posed, self.budget, seed)
+            history = row(name)(posed, self.budget, seed)
             return history, np.array(spent), time.thread_time() - start
 
         return work

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -16,6 +17,7 @@ from generation.search.problem import History, Realism, Reward, Search, SearchPr
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
+from schemas.common.errors import UsageError
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
@@ -30,6 +32,7 @@ from studies.generation.planted.study import (
     Stated,
     interval,
     judged,
+    row,
     stated,
     statements,
     table,
@@ -265,6 +268,17 @@ def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_p
     before = (tmp_path / "a.jsonl").read_bytes()
     assert list(benchmark.results(1, Records(tmp_path / "a.jsonl"))) == found
     assert (tmp_path / "a.jsonl").read_bytes() == before
+
+
+def test_a_method_may_have_other_settings(posed: SearchProblem) -> None:
+    found = row("cover:explored=0.5,first=20")
+    assert isinstance(found, partial)
+    settings = found.keywords["settings"]
+    assert (settings.explored, settings.first) == (0.5, 20)
+    assert row("draws") is draws
+    for wrong in ("covr", "cover:explore=1", "draws:explored=1", "cover:first=1.5", "cover:first"):
+        with pytest.raises(UsageError):
+            row(wrong)
 
 
 def test_a_pool_that_is_too_small_is_refused(posed: SearchProblem, pool: Pool) -> None:
