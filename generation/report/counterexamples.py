@@ -66,10 +66,34 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
     if ego is not None and found:
         whose = "leader" if EGO in actors else "ego"
         found.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
-    found += [
-        Measure(name, unit_of(name), values[name]) for name in space.names if name not in read
-    ]
+    for name in space.names:
+        if coded := space.categories(name):
+            found += _of_categories(coded, values[name])
+        elif name not in read:
+            found.append(Measure(name, unit_of(name), values[name]))
     return found
+
+
+def _of_categories(
+    coded: Mapping[float, Mapping[str, str]], codes: FloatArray
+) -> Iterator[Measure]:
+    """Measures of what codes (n,) stand for: values of parameters where all are numbers; else, of
+    each value, or of the first one of two, whether a point has it, 1 or 0."""
+    names = list(dict.fromkeys(name for texts in coded.values() for name in texts))
+    near = np.abs(codes[:, None] - np.array(list(coded))).argmin(axis=1)
+    for name in names:
+        texts = [entry.get(name, "") for entry in coded.values()]
+        different = list(dict.fromkeys(texts))
+        if len(different) < 2:
+            continue
+        try:
+            numbers = np.array([float(text) for text in texts])
+        except ValueError:
+            for value in different[:-1] if len(different) == 2 else different:
+                has = np.array([float(text == value) for text in texts])
+                yield Measure(f"{name} is {value or 'its default'}", "", has[near])
+        else:
+            yield Measure(name, unit_of(name), numbers[near])
 
 
 def unit_of(name: str) -> str:

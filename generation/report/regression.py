@@ -186,7 +186,8 @@ def regression(
         UsageError: a parameter of before is not declared any more.
     """
     space = tried.space
-    declared = {*space.names, *space.pinned}
+    following = {name for texts in space.follows.values() for row in texts.values() for name in row}
+    declared = {*space.names, *space.pinned, *following}
     unknown = sorted({name for values in before.values for name in values} - declared)
     if unknown:
         raise UsageError(
@@ -221,10 +222,10 @@ def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shi
     from the middle of what failed before.
     """
     space, columns = tried.space, distinctive(tried.space)
+    points = {row: space.point(values) for row, values in enumerate(before.values)}
     rows = [row for row, values in enumerate(before.values) if _alike(space, values)]
-    then = np.array(
-        [[float(before.values[row][name]) for name in space.names] for row in rows]
-    ).reshape(-1, len(space.names))
+    rows = [row for row in rows if points[row] is not None]
+    then = np.array([points[row] for row in rows]).reshape(-1, len(space.names))
     remains = np.array([fates[row] is not Fate.FIXED for row in rows], bool)
     unit = space.unit(np.concatenate([then, tried.theta[tried.failing]]))[:, columns]
     labels, regions = grouped(unit, LINKED), Counter[Shift]()
@@ -278,9 +279,9 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
     space, columns = tried.space, distinctive(tried.space)
     found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):
-        if _alike(space, values):
-            point: FloatArray = np.array([[float(values[name]) for name in space.names]])
+        point = space.point(values)
+        if point is not None and _alike(space, values):
             found[row] = apart(
-                space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least
+                space.unit(tried.theta)[:, columns], space.unit(point[None])[:, columns], least
             )
     return found

@@ -503,6 +503,15 @@ def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], 
             "recorded": None if unit is None else _rounded([unit.values[name]])[0],
         }
         for name, value in zip(space.names, _rounded(theta), strict=True)
+        if not space.categories(name)
+    ]
+    coded = {
+        name for each in space.names for row in space.categories(each).values() for name in row
+    }
+    values += [
+        {"name": name, "unit": unit_of(name), "value": text, "recorded": None}
+        for name, text in space.values(theta).items()
+        if name in coded
     ]
     return {
         "names": list(each.names),

@@ -9,6 +9,7 @@ that they run wherever it is moved to.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -23,11 +24,12 @@ import xosc
 from generation.search.outcomes import Cases
 from generation.search.settings import Ask
 from generation.space.density.base import Density
-from generation.space.density.marginals import Choices, Marginal, marginal, uniform
+from generation.space.density.marginals import Choices, Marginal, categories, marginal, uniform
 from generation.space.density.models import UNIFORM
 from generation.space.density.roles import EGO, ROLES, Role
 from generation.space.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import Parameter
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError, nearest
@@ -40,6 +42,7 @@ from xosc.distributions import (
     HistogramBin,
     ParameterSpace,
     ParameterValueDistribution,
+    ProbabilityDistributionSet,
     Range,
     Stochastic,
     StochasticDistribution,
@@ -175,14 +178,28 @@ class Writer:
         drawn = density.sample(_DRAWS, np.random.default_rng(seed))
         drawn = drawn[((drawn >= self._space.low) & (drawn <= self._space.high)).all(axis=1)]
         single = tuple(
-            StochasticDistribution(
-                parameter.name, _histogram(drawn[:, column], parameter.low, parameter.high)
-            )
+            StochasticDistribution(parameter.name, self._single(parameter, drawn[:, column]))
             for column, parameter in enumerate(self._space.parameters)
         )
         description = f"Recorded parameters of {self._stem}, each on its own: the standard can't express how they depend on each other"
         document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
         return self._write(f"{self._stem}_density", document, [])
+
+    def _single(
+        self, parameter: Parameter, drawn: FloatArray
+    ) -> Histogram | ProbabilityDistributionSet:
+        """The distribution of one parameter from its draws (n,)."""
+        categories = self._space.categories(parameter.name)
+        if not categories:
+            return _histogram(drawn, parameter.low, parameter.high)
+        nearest_code = np.abs(drawn[:, None] - np.array(list(categories))).argmin(axis=1)
+        counts = np.bincount(nearest_code, minlength=len(categories)).tolist()
+        weights = Counter[str]()
+        for texts, count in zip(categories.values(), counts, strict=True):
+            weights[texts[parameter.name]] += count
+        return ProbabilityDistributionSet(
+            tuple((text, float(weight)) for text, weight in weights.items() if weight)
+        )
 
     def _values(self, row: FloatArray) -> dict[str, str]:
         return {**self._space.pinned, **self._space.values(row)}
@@ -290,7 +307,7 @@ class Varied(NamedTuple):
     Attributes:
         scenario: its file.
         marginals: densities of the parameters that it varies.
-        pinned: single values by parameter; of words to choose from, the likeliest.
+        pinned: single values by parameter.
     """
 
     scenario: Path
@@ -313,11 +330,10 @@ def varied(path: Path) -> Varied | None:
         return None
     for variation in space.distribution.definition.distributions:
         if isinstance(variation, DeterministicMultiParameterDistribution):
-            name, choices = _sets(variation.value_sets, space.scenario, path)
-            found.marginals[name] = choices
+            _add_sets(found, variation.value_sets, path)
             continue
         try:
-            of = marginal(variation.distribution)
+            of = marginal(variation.distribution, variation.parameter_name)
         except UsageError as error:
             raise UsageError(f"{variation.parameter_name}: {error.message}", path=path) from None
         if isinstance(of, str):
@@ -327,15 +343,13 @@ def varied(path: Path) -> Varied | None:
     return found
 
 
-def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tuple[str, Choices]:
-    """Sets of values as the values of one parameter, a number that is another one in each set; the
-    others follow it.
+def _add_sets(found: Varied, sets: Sequence[Mapping[str, str]], path: Path) -> None:
+    """Add sets of values as the values of one parameter, which the others follow: the first number
+    that is another one in each set; else the sets are categories of the first parameter of all.
 
     Raises:
-        NothingToVary: there is one set alone, or no such parameter.
+        NothingToVary: sets differ, and no parameter is in all of them.
     """
-    # The first number that is another one in each set is the coordinate; the others follow its
-    # value.
     for name in sets[0]:
         try:
             values = [float(assignment[name]) for assignment in sets]
@@ -347,8 +361,18 @@ def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tupl
                 for assignment in sets
             ]
             follows = dict(sorted(zip(values, rest, strict=True), key=lambda pair: pair[0]))
-            return name, Choices(tuple(follows), (1.0,) * len(values), follows if any(rest) else {})
-    raise NothingToVary("no number tells its sets of values apart", scenario, path)
+            found.marginals[name] = Choices(
+                tuple(follows), (1.0,) * len(values), follows if any(rest) else {}
+            )
+            return
+    codes = categories(sets, [1.0] * len(sets))
+    if codes is None:
+        found.pinned.update(sets[0])
+        return
+    common = [name for name in sets[0] if all(name in each for each in sets)]
+    if not common:
+        raise NothingToVary("no parameter is in all of its sets of values", found.scenario, path)
+    found.marginals[common[0]] = codes
 
 
 def scenario_of(path: Path) -> Path:

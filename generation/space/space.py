@@ -25,6 +25,7 @@ from generation.space.density.roles import NUISANCES, ON_REQUEST, roles_of
 from recognition.labels.maneuvers.parameters import DECLARED, Parameter
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError, nearest
+from schemas.expressions import literal
 from xosc.document.node import Node
 from xosc.resolve.parameters import Assignment, ParameterScope
 
@@ -50,7 +51,8 @@ class Space:
             they decide as much as the searched ones do, and belong beside every result.
         choices: the only values of some parameters, ascending: points between stand for the nearest
             one.
-        follows: of some of these, values of other parameters that belong to each value.
+        follows: of some of these, values of other parameters that belong to each value; and of the
+            parameter itself where its values are the codes of categories.
         constraints: whether values by name keep the scenario's constraints; None where the box says
             it all.
     """
@@ -106,11 +108,31 @@ class Space:
             found.update(follows[float(found[name])])
         return found
 
+    def point(self, values: Mapping[str, str]) -> FloatArray | None:
+        """The point (d,) of values by name, as `values` gives them; None where they are of no
+        category."""
+        found = list[float]()
+        for name in self.names:
+            if coded := self.categories(name):
+                of = [code for code, texts in coded.items() if texts.items() <= values.items()]
+                if not of:
+                    return None
+                found.append(of[0])
+            else:
+                found.append(float(values[name]))
+        return np.array(found)
+
     def _text(self, name: str, value: float) -> str:
         if name not in self.choices:
             return repr(round(value, DIGITS))
         nearest_one = min(self.choices[name], key=lambda choice: abs(choice - value))
-        return str(int(nearest_one)) if nearest_one.is_integer() else repr(nearest_one)
+        return literal(nearest_one)
+
+    def categories(self, name: str) -> Mapping[float, Mapping[str, str]]:
+        """Values by name that each code of a parameter stands for; none where its values are no
+        codes."""
+        found = self.follows.get(name, {})
+        return found if any(name in texts for texts in found.values()) else {}
 
     def admits(self, theta: FloatArray) -> BoolArray:
         """Points (n, d) that keep the scenario's constraints beyond the box: (n,)."""
@@ -181,7 +203,7 @@ class Space:
         chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
         for name in (*free, *ranges):
             if (
-                reason := _obstacle(name, name in pinned, name in bounded, name in ranges, scope)
+                reason := _obstacle(name, name in pinned, name in bounded, ranges.get(name), scope)
             ) is not None:
                 raise UsageError(
                     f"the parameter {name} can't be searched: it {reason}", path=scenario
@@ -221,6 +243,7 @@ class Space:
             for first, values in follows.items()
             for texts in values.values()
             for name in texts
+            if name != first
         }
         for name, first in following.items():
             if name not in declared or name in pinned or name in chosen:
@@ -297,15 +320,16 @@ def _declarations(root: Node) -> list[Node]:
 
 
 def _obstacle(
-    name: str, pinned: bool, bounded: bool, ranged: bool, scope: ParameterScope
+    name: str, pinned: bool, bounded: bool, limits: Marginal | None, scope: ParameterScope
 ) -> str | None:
     """Why a parameter can't be searched; None where it can."""
     if pinned:
         return "is pinned"
-    if not (bounded or ranged):
+    if not (bounded or limits is not None):
         return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
     kind = scope.own[name].type
-    if bounded or kind == "double" or kind in _WHOLE:
+    chosen = limits is not None and bool(limits.choices)
+    if bounded or chosen or kind == "double" or kind in _WHOLE:
         return None
     return f"is of the type {kind}, not a number; --pin {name}=VALUE gives it one value"
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import xosc
+from generation.report.counterexamples import measures
 from generation.search.settings import Ask
 from generation.search.variations import asked_of, freed, mapped, with_literals
 from generation.space.logical.library import SCENARIOS
@@ -29,10 +30,17 @@ from xosc.writing.files import FileHeader
 SIMPLE = SCENARIOS / "simple_cut_in.xosc"
 
 
-def variation(path: Path, *distributions: object) -> Path:
-    written = ParameterValueDistribution(str(SIMPLE), Deterministic(distributions))  # type: ignore[arg-type]
+def variation(path: Path, *distributions: object, scenario: Path = SIMPLE) -> Path:
+    written = ParameterValueDistribution(str(scenario), Deterministic(distributions))  # type: ignore[arg-type]
     xosc.write_distribution(written, path, FileHeader("a variation", "tests", datetime(2026, 1, 1)))
     return path
+
+
+def asked_space(path: Path) -> Space:
+    asked = asked_of(Ask(), path)
+    return Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
 
 
 def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Path) -> None:
@@ -72,10 +80,7 @@ def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
     path = variation(
         tmp_path / "variation.xosc", DeterministicMultiParameterDistribution(tuple(rows))
     )
-    asked = asked_of(Ask(), path)
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    asked, space = asked_of(Ask(), path), asked_space(path)
     assert (space.names, space.low.tolist(), space.high.tolist()) == (
         ("CutIn_Gap_m",),
         [8.0],
@@ -92,12 +97,56 @@ def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
         Space.of(asked.scenario, {"CutIn_Speed_mps": "20"}, ranges=asked.marginals, default=False)
 
 
-def test_sets_of_values_that_no_number_tells_apart_are_refused(tmp_path: Path) -> None:
+def test_sets_that_no_number_tells_apart_are_categories(tmp_path: Path) -> None:
+    rows = [
+        {"CutIn_Gap_m": gap, "CutIn_Speed_mps": speed}
+        for gap, speed in (("9", "20"), ("9", "25"), ("8", "25"), ("9", "20"))
+    ]
+    path = variation(tmp_path / "sets.xosc", DeterministicMultiParameterDistribution(tuple(rows)))
+    space = asked_space(path)
+    assert (space.names, space.low.tolist(), space.high.tolist()) == (
+        ("CutIn_Gap_m",),
+        [0.0],
+        [2.0],
+    )
+    assert [space.values([code]) for code in (0.2, 0.9, 2.0)] == rows[:3]
+    points = [space.point(row) for row in rows[:3]]
+    assert [float(point[0]) for point in points if point is not None] == [0.0, 1.0, 2.0]
+    assert space.point({"CutIn_Gap_m": "8", "CutIn_Speed_mps": "20"}) is None
+    shown = measures(space, {}, np.array([[0.0], [1.0], [2.0]]))
+    assert {each.name: each.values.tolist() for each in shown} == {
+        "CutIn_Gap_m": [9.0, 9.0, 8.0],
+        "CutIn_Speed_mps": [20.0, 25.0, 25.0],
+    }
+
+
+def test_words_are_searched_as_categories_and_one_set_is_pinned(tmp_path: Path) -> None:
+    scenario = SCENARIOS / "unsignalised_left_turn_t_junction.xosc"
+    path = variation(
+        tmp_path / "words.xosc",
+        DeterministicSingleParameterDistribution("Oncoming_Model", DistributionSet(("car", "bus"))),
+        DeterministicMultiParameterDistribution(({"Oncoming_Speed_mps": "9"},)),
+        scenario=scenario,
+    )
+    space = asked_space(path)
+    assert space.names == ("Oncoming_Model",) and space.pinned["Oncoming_Speed_mps"] == "9"
+    assert [space.values([code]) for code in (0.1, 0.7)] == [
+        {"Oncoming_Model": "car"},
+        {"Oncoming_Model": "bus"},
+    ]
+    (shown,) = measures(space, {}, np.array([[0.0], [1.0]]))
+    assert (shown.name, shown.values.tolist()) == ("Oncoming_Model is car", [1.0, 0.0])
+
+
+def test_a_file_of_one_set_leaves_nothing_to_search(tmp_path: Path) -> None:
     sets = DeterministicMultiParameterDistribution(({"CutIn_Gap_m": "9"}, {"CutIn_Gap_m": "9"}))
-    with pytest.raises(
-        UsageError, match="no number tells its sets of values apart: search simple_cut_in"
-    ):
+    with pytest.raises(UsageError, match=r"one value, which leaves nothing .*simple_cut_in"):
         asked_of(Ask(), variation(tmp_path / "variation.xosc", sets))
+    other = DeterministicMultiParameterDistribution(
+        ({"CutIn_Gap_m": "9"}, {"CutIn_Speed_mps": "9"})
+    )
+    with pytest.raises(UsageError, match="no parameter is in all of its sets of values"):
+        asked_of(Ask(), variation(tmp_path / "other.xosc", other))
 
 
 def test_a_literal_becomes_a_parameter_of_a_copy_that_stands_by_itself(tmp_path: Path) -> None:

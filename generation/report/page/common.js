@@ -12,8 +12,9 @@ const FATES = {
 };
 const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 
-/** A number with few digits; with a power of ten where it is small. */
+/** A number with few digits; with a power of ten where it is small. Texts stay as they are. */
 const figure = (value, digits = 2) => {
+  if (typeof value === "string") return value;
   if (!value || Math.abs(value) >= 1e-4) return String(Number(value.toPrecision(digits)));
   const [left, power] = value.toExponential(digits - 1).split("e");
   return `${left}·10${[...power].map(c => RAISED[c]).join("")}`;

@@ -130,7 +130,7 @@ function counterexample(each, index) {
       null,
       el("th", { scope: "row" }, name),
       cell(withUnit(figure(value, 4), of)),
-      ...(unit ? [cell(withUnit(figure(recorded, 4), of))] : []),
+      ...(unit ? [cell(recorded === null ? "" : withUnit(figure(recorded, 4), of))] : []),
     ),
   );
   const title = each.names.map(name => WHICH[name]).join(" and ");
@@ -218,7 +218,7 @@ function against() {
       el("th", { scope: "row", class: "number" }, String(each.number)),
       el("td", null, badge(...FATES[each.fate])),
       cell(each.impact ? figure(each.impact, 3) : "none"),
-      ...found.names.map(name => cell(figure(Number(each.values[name]), 4))),
+      ...found.names.map(name => cell(figure(isNaN(each.values[name]) ? each.values[name] : Number(each.values[name]), 4))),
     ),
   );
   const now = data.estimate?.events[0].chance;

@@ -13,6 +13,7 @@ import numpy as np
 from generation.space.density.prior import FORESEEABLE, Prior
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
+from schemas.expressions import literal
 from xosc.distributions import (
     DistributionRange,
     DistributionSet,
@@ -129,7 +130,11 @@ class Continuous:
 @dataclass(frozen=True)
 class Choices:
     """Discrete values with weights; as a density each value has the cell of the points nearest to
-    it."""
+    it.
+
+    Words, and sets of values that no number tells apart, have the codes 0, 1, …; what they stand
+    for follows.
+    """
 
     choices: tuple[float, ...]
     weights: tuple[float, ...]
@@ -177,8 +182,11 @@ def uniform(low: float, high: float) -> Marginal:
 
 
 @singledispatch
-def marginal(of: object) -> Marginal | str:
+def marginal(of: object, name: str) -> Marginal | str:
     """Return a standard distribution's density of one parameter, or its only value.
+
+    Args:
+        name: of the parameter.
 
     Raises:
         UsageError: it has no density that can be searched.
@@ -189,18 +197,18 @@ def marginal(of: object) -> Marginal | str:
 
 
 @marginal.register
-def _range(of: DistributionRange) -> Marginal | str:
+def _range(of: DistributionRange, _name: str) -> Marginal | str:
     low, high = of.range.lower_limit, of.range.upper_limit
     return uniform(low, high) if low < high else of.value(0)
 
 
 @marginal.register
-def _uniform(of: UniformDistribution) -> Marginal | str:
+def _uniform(of: UniformDistribution, _name: str) -> Marginal | str:
     return uniform(of.range.lower_limit, of.range.upper_limit)
 
 
 @marginal.register
-def _histogram(of: Histogram) -> Marginal | str:
+def _histogram(of: Histogram, _name: str) -> Marginal | str:
     bins = sorted((bin_.range.lower_limit, bin_.range.upper_limit, bin_.weight) for bin_ in of.bins)
     edges: list[float] = [bins[0][0]]
     weights: list[float] = []
@@ -215,7 +223,7 @@ def _histogram(of: Histogram) -> Marginal | str:
 
 
 @marginal.register
-def _normal(of: NormalDistribution) -> Marginal | str:
+def _normal(of: NormalDistribution, _name: str) -> Marginal | str:
     from scipy import stats
 
     if not of.variance:
@@ -237,7 +245,7 @@ def _normal(of: NormalDistribution) -> Marginal | str:
 
 
 @marginal.register
-def _poisson(of: PoissonDistribution) -> Marginal | str:
+def _poisson(of: PoissonDistribution, _name: str) -> Marginal | str:
     from scipy import stats
 
     known = stats.poisson(of.expected_value)
@@ -253,36 +261,61 @@ def _poisson(of: PoissonDistribution) -> Marginal | str:
 
 
 @marginal.register
-def _probabilities(of: ProbabilityDistributionSet) -> Marginal | str:
+def _probabilities(of: ProbabilityDistributionSet, name: str) -> Marginal | str:
     values, weights = zip(*of.elements, strict=True)
-    return _listed(list(values), list(weights))
+    return _listed(list(values), list(weights), name)
 
 
 @marginal.register
-def _set(of: DistributionSet) -> Marginal | str:
-    return _listed(list(of.values), [1.0] * len(of.values))
+def _set(of: DistributionSet, name: str) -> Marginal | str:
+    return _listed(list(of.values), [1.0] * len(of.values), name)
 
 
-def _listed(values: list[str], weights: list[float]) -> Marginal | str:
-    """Numbers as choices; of words the likeliest, the first one where all are alike."""
+def _listed(values: list[str], weights: list[float], name: str) -> Marginal | str:
+    """Numbers as choices; words as categories of the parameter of that name."""
     try:
         numbers = [float(value) for value in values]
     except ValueError:
-        return max(zip(weights, reversed(range(len(values))), values, strict=True))[2]
-    return _chosen(numbers, weights) if len(set(numbers)) > 1 else values[0]
+        return categories([{name: value} for value in values], weights) or values[0]
+    return _chosen(numbers, weights, values, name) if len(set(numbers)) > 1 else values[0]
 
 
-def _chosen(numbers: list[float], weights: list[float]) -> Marginal | str:
+def categories(texts: Sequence[Mapping[str, str]], weights: Sequence[float]) -> Choices | None:
+    """Sets of values by parameter as choices, coded 0, 1, … in their order; None where fewer than
+    two differ.
+
+    Equal sets, and those without weight, are no choices of their own.
+    """
+    total: dict[tuple[tuple[str, str], ...], float] = {}
+    for text, weight in zip(texts, weights, strict=True):
+        if weight > 0.0:
+            key = tuple(sorted(text.items()))
+            total[key] = total.get(key, 0.0) + weight
+    if len(total) < 2:
+        return None
+    codes = tuple(map(float, range(len(total))))
+    return Choices(
+        codes,
+        tuple(total.values()),
+        {code: dict(key) for code, key in zip(codes, total, strict=True)},
+    )
+
+
+def _chosen(
+    numbers: list[float], weights: list[float], texts: Sequence[str] = (), name: str = ""
+) -> Marginal | str:
+    """Numbers as choices, with their texts where these are written otherwise than numbers are."""
     total: dict[float, float] = {}
     for number, weight in zip(numbers, weights, strict=True):
         # Equal numbers written differently (1, 1.0) are one choice.
         total[number] = total.get(number, 0.0) + weight
     kept = sorted(number for number, weight in total.items() if weight > 0.0)
-    return (
-        Choices(tuple(kept), tuple(total[number] for number in kept))
-        if len(kept) > 1
-        else repr(kept[0])
-    )
+    if len(kept) < 2:
+        return repr(kept[0])
+    written = {number: {name: text} for number, text in zip(numbers, texts, strict=False)}
+    usual = all(literal(number) == text[name] for number, text in written.items())
+    follows = {} if usual else {number: written[number] for number in kept}
+    return Choices(tuple(kept), tuple(total[number] for number in kept), follows)
 
 
 _COUNTED = 2000

@@ -17,11 +17,13 @@ from generation.search.outcomes import Cases, Episodes, Evaluator, choose
 from generation.search.plays import ArrayPlays
 from generation.search.settings import Choice
 from generation.search.variations import Evidence, Writer, Written
+from generation.space.density.marginals import marginal
 from generation.space.density.models.mixtures import Gaussian
 from generation.space.logical.library import SCENARIOS
 from generation.space.space import Space
 from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
+from xosc.distributions import ProbabilityDistributionSet
 from xosc.exports import standard
 from xosc.exports.draft import Folder
 from xosc.writing.tags import read
@@ -154,6 +156,18 @@ def test_the_stochastic_file_draws_what_the_density_does(folder: Path, density: 
     np.testing.assert_allclose(
         SPACE.unit(theta).mean(axis=0), SPACE.unit(wanted).mean(axis=0), atol=0.1
     )
+
+
+def test_categories_are_written_with_their_shares(tmp_path: Path) -> None:
+    scenario = SCENARIOS / "unsignalised_left_turn_t_junction.xosc"
+    words = marginal(ProbabilityDistributionSet((("car", 1.0), ("truck", 3.0))), "Oncoming_Model")
+    assert not isinstance(words, str)
+    space = Space.of(scenario, ranges={"Oncoming_Model": words}, default=False)
+    codes = np.repeat([[0.0], [1.0]], [10, 30], axis=0) + np.linspace(-0.1, 0.1, 40)[:, None]
+    density = Gaussian().fit(codes)
+    path = Writer(scenario, space, tmp_path).density(density, 5)
+    drawn = [values["Oncoming_Model"] for _, values in xosc.variations(path)]
+    assert set(drawn) == {"car", "truck"} and 50 < drawn.count("truck") < 95
 
 
 def test_the_same_cases_give_the_same_bytes_and_others_are_not_written_over_them(

@@ -27,7 +27,7 @@ SIMPLE = SCENARIOS / "simple_cut_in.xosc"
 
 
 def density(of: object) -> Marginal:
-    found = marginal(of)
+    found = marginal(of, "P")
     assert not isinstance(found, str)
     return found
 
@@ -63,7 +63,7 @@ def test_continuous_distributions_are_densities(
     assert np.isneginf(found.log_density(np.array([found.low - 1.0, found.high + 1.0]))).all()
 
 
-def test_counts_and_numbers_are_choices_and_words_are_pinned() -> None:
+def test_counts_and_numbers_are_choices_and_words_are_categories() -> None:
     counts = density(PoissonDistribution(3.0, Range(1.0, 5.0)))
     assert counts.choices == (1.0, 2.0, 3.0, 4.0, 5.0)
     sides = density(ProbabilityDistributionSet((("1", 3.0), ("-1", 1.0))))
@@ -72,11 +72,14 @@ def test_counts_and_numbers_are_choices_and_words_are_pinned() -> None:
     assert np.exp(sides.log_density(np.array([0.9]))) / np.exp(
         sides.log_density(np.array([-0.9]))
     ) == pytest.approx(3.0)
-    assert marginal(ProbabilityDistributionSet((("car", 1.0), ("truck", 2.0)))) == "truck"
-    assert marginal(DistributionSet(("car", "truck"))) == "car"
-    assert marginal(NormalDistribution(3.0, 0.0)) == "3.0"
+    models = ProbabilityDistributionSet((("car", 1.0), ("truck", 2.0), ("bus", 0.0), ("car", 1.5)))
+    words = {0.0: {"P": "car"}, 1.0: {"P": "truck"}}
+    assert density(models) == Choices((0.0, 1.0), (2.5, 2.0), words)
+    assert density(DistributionSet(("02", "1"))).follows == {1.0: {"P": "1"}, 2.0: {"P": "02"}}
+    assert marginal(DistributionSet(("car", "car")), "P") == "car"
+    assert marginal(NormalDistribution(3.0, 0.0), "P") == "3.0"
     with pytest.raises(UsageError, match="no density"):
-        marginal(object())
+        marginal(object(), "P")
 
 
 def test_choices_become_the_nearest_value_in_files() -> None:
