@@ -499,7 +499,8 @@ class BatchSimulation(RunRows):
                 self.partner[first] = list(self.entities).index(other.name)
                 # Searches need only the ego's first contact: runs end soon after it.
                 if self.steps_after_contact is not None:
-                    last = self.step_index + self.steps_after_contact
+                    # The interpreter sees contacts of time 0 after the first step.
+                    last = max(self.step_index, 1) + self.steps_after_contact
                     self._last[first] = np.minimum(self._last[first], last)
 
     def _touched_within(self, a: EntityRows, b: EntityRows, rows: IntArray) -> FloatArray:
@@ -583,7 +584,7 @@ def move(roads: Roads, e: EntityRows, speed: FloatArray, dt: float, going: BoolA
     e.ax, e.ay = (vx - e.vx) / dt, (vy - e.vy) / dt
     e.vx, e.vy, e.turn = vx, vy, e.h - h
     e.acceleration = (speed - e.speed) / dt
-    e.speed = speed
+    e.speed = speed.copy()  # it may be the array of target speeds, which actions write to
     way = np.abs(speed)
     still = way < _STANDSTILL
     e.odometer = e.odometer + way * dt

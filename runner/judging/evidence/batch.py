@@ -14,9 +14,18 @@ import numpy as np
 
 from runner.engine.conditions.by_value import SimulationTimeCondition
 from runner.engine.participants.boxes import Spot
+from runner.engine.participants.entity import JUMP
 from runner.engine.participants.rows import RunRows
-from runner.judging.evidence.continuity import displaced_boxes, next_contact
-from runner.judging.evidence.progress import scene_events, without_effect
+from runner.judging.evidence.continuity import (
+    ALOFT,
+    APPROACH,
+    NEVER,
+    PredictedContact,
+    above_road,
+    displaced_boxes,
+    next_contact,
+)
+from runner.judging.evidence.progress import mishap_events, scene_events, without_effect
 from runner.judging.evidence.rows import causes_of
 from runner.judging.measures.criticality import criticality
 from runner.judging.measures.relations import MotionRows
@@ -38,6 +47,7 @@ if TYPE_CHECKING:
 _TOLERANCE = 1.01
 _SUSTAINED = 0.5
 _SHORTEST = 0.1
+_LEAST_SHARE = 0.1
 """As in `continuity` and `rows`"""
 _MEASURED = 64
 """Runs that are measured at once: arrays of them fit into caches"""
@@ -229,6 +239,8 @@ class BatchJudge:
         n = len(sets)
         board: Any = scenario
         self._events = scene_events(board)
+        self._mishap = bool(mishap_events(board))
+        """whether events wait for a contact, and for nothing else"""
         self._segments: list[Segment] = []
         self._outcome = np.full(n, OPEN, object)
         self._status = np.full(n, "", object)
@@ -268,6 +280,8 @@ class BatchJudge:
         speed = np.abs(ego.speed)
         if not run.step_index:
             run.own(seen)
+            for entity in (ego, *others):
+                seen.doubt |= _aloft(run, entity)
         seen.moved |= speed > 0.0
         for entity in (ego, *others):
             most = _TOLERANCE * entity.declared.performance.max_speed
@@ -275,6 +289,7 @@ class BatchJudge:
             if fast.any():
                 seen.beyond |= fast & run.going
         if run.step_index:
+            self._look_for_jumps(run, [ego, *others])
             change = (speed - seen.speed) / run.dt
             steps = round(_SUSTAINED / run.dt)
             over = (
@@ -296,11 +311,32 @@ class BatchJudge:
             seen.doubt |= off
         seen.doubt |= run.going & ego.at_road_end
 
+    def _look_for_jumps(self, run: BatchSimulation, everyone: list[EntityRows]) -> None:
+        """Leave runs to the interpreter in which someone was put elsewhere within the step."""
+        part = self._segments[-1]
+        for number, entity in enumerate(everyone):
+            now = part.values[number][:2, part.count - 1]
+            if part.count > 1:
+                before = part.values[number][:2, part.count - 2]
+            else:
+                earlier = self._segments[-2]
+                kept = np.searchsorted(earlier.at, part.at)
+                before = earlier.values[number][:2, earlier.count - 1][:, kept]
+            along, aside = now - before
+            far = np.abs(along) + np.abs(aside) > JUMP  # never less than the way
+            if far.any():
+                way = np.hypot(along, aside) - np.abs(entity.speed) * run.dt
+                self._seen.doubt |= far & (way > JUMP) & run.going
+
     def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
         """Show entities where actions have put them at the last instant."""
+        part = self._segments[-1]
         for number, entity in enumerate(_everyone(run)):
             if entity.name in put:
-                self._segments[-1].put(number, entity, run.step_index, put[entity.name])
+                x, y, z = part.values[number][:3, part.count - 1]
+                way = np.linalg.norm([entity.x - x, entity.y - y, entity.z - z], axis=0)
+                self._seen.doubt |= put[entity.name] & (way > JUMP) & (run.step_index > 0)
+                part.put(number, entity, run.step_index, put[entity.name])
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""
@@ -316,7 +352,9 @@ class BatchJudge:
             finished, "completed", np.where(ends_early, "collision", "timeout")
         )
         started, every = np.zeros(len(rows), bool), np.ones(len(rows), bool)
+        begun = np.zeros(len(rows), bool)
         for event in run.events:
+            begun |= event.started[rows]
             if event.event in self._events:
                 started |= event.started[rows]
                 every &= event.started[rows]
@@ -332,12 +370,16 @@ class BatchJudge:
             doubt[:] = True
         driver: Any = run.driver
         if driver is not None:
-            doubt |= driver.commanded[rows] * run.dt < _SHORTEST
+            seconds = max(_SHORTEST, _LEAST_SHARE * run.time)
+            doubt |= driver.commanded[rows] * run.dt < seconds
         if self._system and not scripted_at_start(self._scenario, run.ego.entity):
             lacking |= ~seen.moved[rows]
-        if self._reserve > 0.0:
-            for place in np.flatnonzero(~(failed | doubt | lacking)):
-                lacking[place] = self._open_end(run, rows[place])
+        waits = self._mishap & self._are_out_of_time(run, rows, finished) & ~begun
+        for place in np.flatnonzero(~(failed | doubt | lacking)):
+            next_one = _contact_to_come(run, rows[place])
+            lacking[place] = next_one.reserve < self._reserve or (
+                waits[place] and next_one.after <= APPROACH
+            )
         outcome = np.where(doubt, OPEN, np.where(lacking, INCONCLUSIVE, PASSED))
         self._outcome[at] = np.where(failed, FAILED, outcome)
 
@@ -355,16 +397,6 @@ class BatchJudge:
             ]
         )
         return ~finished | by_time[run.fired[rows]]
-
-    def _open_end(self, run: BatchSimulation, row: Any) -> bool:
-        """Whether a run ended so shortly before a contact of the ego that no brake avoids it."""
-        own = _spot(run.ego, row)
-        found = [
-            next_contact(own, _spot(entity, row), entity.name)
-            for entity in run.entities.values()
-            if entity is not run.ego
-        ]
-        return bool(found) and min(found).reserve < self._reserve
 
     def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
         """Outcomes of the runs, once all are over."""
@@ -385,9 +417,32 @@ class BatchJudge:
         )
 
 
+def _aloft(run: BatchSimulation, entity: EntityRows) -> BoolArray:
+    """Runs (n,) in which a participant is far above or below the road."""
+    found, network = np.zeros(run.n, bool), run.roads.network
+    if network is None or entity.declared.kind == "miscellaneous":
+        return found
+    # Where it moves by one formula along its lane, the road is at height 0.
+    for row in np.flatnonzero(~entity.gliding | (np.abs(entity.z) > ALOFT)):
+        pose = (float(getattr(entity, name)[row]) for name in "xyzh")
+        found[row] = abs(above_road(network, *pose)) > ALOFT
+    return found
+
+
 def _everyone(run: BatchSimulation) -> list[EntityRows]:
     """All participants, the ego first."""
     return [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
+
+
+def _contact_to_come(run: BatchSimulation, row: Any) -> PredictedContact:
+    """First contact of the ego after the end of a run, as `continuity.contact_at_end` says."""
+    own = _spot(run.ego, row)
+    found = [
+        next_contact(own, _spot(entity, row), entity.name)
+        for entity in run.entities.values()
+        if entity is not run.ego
+    ]
+    return min(found, default=NEVER)
 
 
 def _road_names(run: BatchSimulation) -> dict[int, str]:

@@ -33,7 +33,7 @@ has none"""
 APPROACH = 5.0
 """Time (s) within which the ego and another would touch at their velocities: the ego approaches it
 """
-_ALOFT = 5.0
+ALOFT = 5.0
 """Height (m) above or below the road's surface at which nothing stands on it"""
 _ASTRAY = 5.0
 """Distance (m) between reference point and bounding box beyond which they are not of one object"""
@@ -60,7 +60,8 @@ class PredictedContact(NamedTuple):
         return GREATEST_DECELERATION / needed if needed else math.inf
 
 
-_NEVER = PredictedContact(math.inf, 0.0, "")
+NEVER = PredictedContact(math.inf, 0.0, "")
+"""No contact"""
 
 
 def beyond_performance(
@@ -120,8 +121,11 @@ def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
         node = entity.declared.node
         where = f"{node.where}: " if node is not None else ""
         yield from displaced_boxes([entity])
-        height = _height(track, scenario.network)
-        if abs(height) > _ALOFT:
+        height = 0.0
+        if scenario.network is not None and track.kind != "miscellaneous":
+            x, y, z, h = (float(track.columns[name][0]) for name in ("x", "y", "z", "h"))
+            height = above_road(scenario.network, x, y, z, h)
+        if abs(height) > ALOFT:
             side = "above" if height > 0.0 else "below"
             yield f"{where}{track.name} begins {abs(height):.2f} m {side} the road"
 
@@ -138,11 +142,8 @@ def displaced_boxes(entities: Iterable[Entity]) -> Iterator[str]:
             yield f"{where}the bounding box of {entity.name} lies {beside:.2f} m beside its reference point"
 
 
-def _height(track: Track, network: RoadNetwork | None) -> float:
-    """Height (m) of a participant above the road under it when it appears; 0 where there is none."""
-    if network is None or track.kind == "miscellaneous":
-        return 0.0
-    x, y, z, h = (float(track.columns[name][0]) for name in ("x", "y", "z", "h"))
+def above_road(network: RoadNetwork, x: float, y: float, z: float, h: float) -> float:
+    """Height (m) of a pose above the road under it; 0 where there is none."""
     point = network.locate(x, y, z, h)
     return z - float(network.pose(point).z) if network.on_road(point) else 0.0
 
@@ -202,7 +203,7 @@ def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> Pred
     own = recording.tracks.get(ego.name) if ego is not None else None
     others = [track for track in recording.tracks.values() if track is not own]
     contact = [contact_after(own, other, end) for other in others] if own is not None else []
-    return min(contact, default=_NEVER)
+    return min(contact, default=NEVER)
 
 
 def contact_after(own: Track, other: Track, time: float) -> PredictedContact:
@@ -212,7 +213,7 @@ def contact_after(own: Track, other: Track, time: float) -> PredictedContact:
     """
     mine, its = _row(own, time), _row(other, time)
     if mine is None or its is None:
-        return _NEVER
+        return NEVER
     return next_contact(mine, its, other.name)
 
 
@@ -221,12 +222,12 @@ def next_contact(own: tuple[Spot, float], other: tuple[Spot, float], name: str) 
     name."""
     (a, va), (b, vb) = own, other
     if vertical_gap(a, b) > 0.0:
-        return _NEVER
+        return NEVER
     seen = outlook(a, b)
     vx, vy = vb * math.cos(b.h) - va * math.cos(a.h), vb * math.sin(b.h) - va * math.sin(a.h)
     c, s = math.cos(a.h), math.sin(a.h)
     after = entry(seen, a.box, b.box, vx * c + vy * s, vy * c - vx * s)
-    return PredictedContact(after, math.hypot(vx, vy), name) if 0.0 < after < math.inf else _NEVER
+    return PredictedContact(after, math.hypot(vx, vy), name) if 0.0 < after < math.inf else NEVER
 
 
 def _row(track: Track, time: float) -> tuple[Spot, float] | None:

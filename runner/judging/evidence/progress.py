@@ -183,14 +183,20 @@ def scene_events(sim: Simulation) -> list[Event]:
     return [event for event in events if event not in mishaps and not _acts_on_nothing(event)]
 
 
+def mishap_events(sim: Simulation) -> list[Event]:
+    """Events that wait for a contact, of a storyboard whose events wait for nothing else."""
+    if scene_events(sim):
+        return []
+    events = [event for act in sim.storyboard.acts for event in act.events]
+    return [event for event in events if event.trigger and _awaits_mishap(event.trigger, ())]
+
+
 def mishap_awaited(sim: Simulation) -> Iterator[str]:
     """A sentence on a storyboard whose events wait for a contact, and for nothing else, where none
     has started."""
+    waiting = mishap_events(sim)
     events = [event for act in sim.storyboard.acts for event in act.events]
-    if scene_events(sim) or any(Transition.START in event.first for event in events):
-        return
-    waiting = [event for event in events if event.trigger and _awaits_mishap(event.trigger, ())]
-    if waiting:
+    if waiting and not any(Transition.START in event.first for event in events):
         reason = (
             f"event {waiting[0].name!r} waits for a mishap; at their velocities the ego has one"
         )

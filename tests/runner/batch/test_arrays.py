@@ -1,6 +1,8 @@
 """Runs in arrays are those of the interpreter: verdicts, ends, places and measures."""
 
 import math
+import re
+import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -89,6 +91,19 @@ def test_public_files_are_played_as_by_the_interpreter(
     print(f"seed {WEEK}")
     reached, compared = _compared(corpora / folder, sut, 6)
     assert reached >= files and compared >= files
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sut", ["none", "cas"])
+def test_each_element_is_played_as_by_the_interpreter(sut: str, tmp_path: Path) -> None:
+    """Scenarios of elements, with their first entity as the ego."""
+    shutil.copytree(CONFORMANCE.parent, tmp_path, dirs_exist_ok=True)
+    for path in (tmp_path / "scenarios").glob("*.xosc"):
+        text = path.read_text("utf-8")
+        if first := re.search('<ScenarioObject name="([^"]+)"', text):
+            path.write_text(re.sub(f'"[$]?{first[1]}"', '"Ego"', text), encoding="utf-8")
+    reached, _ = _compared(tmp_path / "scenarios", sut, 2)
+    assert reached >= 50
 
 
 def test_an_element_that_plays_in_single_runs_only_is_named_with_its_line() -> None:

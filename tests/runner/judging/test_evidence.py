@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,12 @@ import pytest
 from lxml import etree
 
 import runner
+from runner.batch.arrays import play, structures
 from runner.batch.outputs.folder import load_run
+from runner.judging.evidence.batch import OPEN
 from runner.judging.evidence.rows import ROWS
 from schemas.common.errors import InvalidFile
+from schemas.expressions.columns import NotInArrays
 from tests.commands import Command
 from tests.runner.files import at_time, car, place, scenario, speed_action, story
 
@@ -33,8 +38,14 @@ def changed(path: Path, changes: dict[str, str]) -> Path:
 
 
 def causes(path: Path, settings: runner.RunSettings = QUICK, **more: Any) -> set[str]:
+    """Causes of a run, which arrays judge alike or leave to the interpreter."""
     verdict = runner.run(path, settings, **more).verdict
     assert (verdict.outcome == "inconclusive") == bool(verdict.causes)
+    chosen = replace(settings, **more)
+    with suppress(NotInArrays):
+        for structure in structures(path, [{}], chosen):
+            for block in play(structure, chosen):
+                assert block.outcomes.outcome[0] in {OPEN, verdict.outcome}
     return {cause.name for cause in verdict.causes}
 
 
@@ -49,6 +60,13 @@ def delete(name: str) -> str:
 def teleport(s: float) -> str:
     where = f'<LanePosition roadId="1" laneId="-1" s="{s}"/>'
     return f"<PrivateAction><TeleportAction><Position>{where}</Position></TeleportAction></PrivateAction>"
+
+
+RIGID = (
+    '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" distance="20" '
+    'freespace="true" continuous="true" displacement="any" coordinateSystem="entity"/>'
+    "</LongitudinalAction></PrivateAction>"
+)
 
 
 def activate(longitudinal: str, lateral: str) -> str:
@@ -155,6 +173,25 @@ def test_a_system_that_did_not_drive(tmp_path: Path, more: str) -> None:
     assert {cause.name for cause in result.verdict.causes} == {"not-driven"}
     assert result.verdict.reasons[0].startswith("cas did not drive Ego for 2.00 s of 2.00 s (")
     assert causes(path) == set()
+
+
+ON, OFF = activate("true", "true"), activate("false", "false")
+
+
+@pytest.mark.parametrize(
+    ("stories", "settings", "expected"),
+    [
+        (story("Ego", [(0.15, OFF)]), DRIVEN, {"not-driven"}),
+        (story("Ego", [(1, OFF)]), DRIVEN, set()),
+        (story("Lead", [(1, RIGID)]), QUICK, {"removed"}),
+    ],
+    ids=["hardly", "half", "rigid"],
+)
+def test_a_part_of_a_run_may_be_too_small(
+    tmp_path: Path, stories: str, settings: runner.RunSettings, expected: set[str]
+) -> None:
+    init = place("Ego", 100, 20, more=ON) + place("Lead", 150, 10)
+    assert causes(scenario(tmp_path, init=init, stories=stories, stop=2.5), settings) == expected
 
 
 def test_a_system_that_drove_for_a_part_says_how_long_it_did_not(tmp_path: Path) -> None:
