@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.formats.maps.lane_map import LaneMap, MapLane, at_lengths, gone
@@ -34,6 +35,10 @@ _HOPS = 6
 """Lanes in a row that a connection of the other map may be cut into."""
 _CLOSE, _SAME_SPEED, _WORST = 0.05, 0.01, 20
 """Distance (m) of close borders, difference (m/s) of equal limits, number of the worst places."""
+_POINTS = 32
+"""Most points of a piece of a line that is searched."""
+_BORDER_REACH = 1.0
+"""Distance (m) up to which borders are searched among those near a place, else along the lane."""
 _NARROW = 0.15
 """Lanes narrower than this (m) are not compared there."""
 
@@ -148,31 +153,41 @@ def _places(lanes: Iterable[MapLane]) -> _Places:
 
 def _beside(line: FloatArray, points: FloatArray) -> FloatArray:
     """The places of a line that are nearest to points from above: x and y, (n, 2)."""
-    whole, places = shapely.LineString(line[:, :2]), shapely.points(points[:, :2])
-    nearest = shapely.line_interpolate_point(whole, shapely.line_locate_point(whole, places))
+    pieces, places = np.array(_pieces(line[:, :2]), object), shapely.points(points[:, :2])
+    (place, piece) = shapely.STRtree(pieces).query_nearest(places, all_matches=False)
+    lines, places = pieces[piece], places[place]
+    nearest = shapely.line_interpolate_point(lines, shapely.line_locate_point(lines, places))
     return np.asarray(shapely.get_coordinates(nearest))
+
+
+def _pieces(line: FloatArray) -> list[shapely.LineString]:
+    """A line in pieces of few points: the time to find the place nearest to a point grows with the
+    points of the line."""
+    starts = range(0, len(line) - 1, _POINTS - 1)
+    return [shapely.LineString(line[start : start + _POINTS]) for start in starts]
 
 
 class _Matches(NamedTuple):
     """Lanes near places: number of the place, number of the lane, distance from its centre line
-    from above, height over it (m)."""
+    from above, height over it (m). A lane may come with several pieces of its line."""
 
     place: IntArray
     lane: IntArray
     away: FloatArray
     above: FloatArray
 
-    def nearest(self, count: int) -> tuple[IntArray, FloatArray]:
-        """The nearest lane of each of `count` places, -1 where there is none, and its distance from
-        above.
+    def nearest(self, count: int) -> tuple[IntArray, FloatArray, FloatArray]:
+        """The nearest lane of each of `count` places, -1 where there is none, its distance from
+        above and the height over it.
 
         Nearest in space: bridges cross lanes.
         """
-        lane, away = np.full(count, -1), np.full(count, np.inf)
+        lane, away, above = np.full(count, -1), np.full(count, np.inf), np.full(count, np.inf)
         order = np.lexsort((self.lane, -np.hypot(self.away, self.above)))  # the nearest comes last
         lane[self.place[order]] = self.lane[order]
         away[self.place[order]] = self.away[order]
-        return lane, away
+        above[self.place[order]] = self.above[order]
+        return lane, away, above
 
 
 class _Index:
@@ -180,17 +195,16 @@ class _Index:
 
     def __init__(self, lanes: dict[str, MapLane]) -> None:
         self.names = list(lanes)
-        self._centres = np.array(
-            [shapely.LineString(lane.centre) for lane in lanes.values()], object
+        self._centres, self._lane_of_centre = _cut([lane.centre] for lane in lanes.values())
+        self._borders, self._lane_of_border = _cut(
+            [lane.left[:, :2], lane.right[:, :2]] for lane in lanes.values()
         )
-        self._borders = np.array(
-            [
-                shapely.MultiLineString([lane.left[:, :2], lane.right[:, :2]])
-                for lane in lanes.values()
-            ],
-            object,
-        )
+        self._whole = [
+            shapely.MultiLineString([lane.left[:, :2], lane.right[:, :2]])
+            for lane in lanes.values()
+        ]
         self._tree = shapely.STRtree(self._centres)
+        self._border_tree = shapely.STRtree(self._borders)
 
     def near(self, points: FloatArray, ways: FloatArray, reach: FloatArray) -> _Matches:
         """Lanes that run the same way near places.
@@ -204,8 +218,8 @@ class _Index:
             nothing = np.zeros(0, np.int64)
             return _Matches(nothing, nothing, np.zeros(0), np.zeros(0))
         places = shapely.points(points[:, :2])
-        place, lane = self._tree.query(places, predicate="dwithin", distance=reach)
-        lines = self._centres[lane]
+        place, piece = self._tree.query(places, predicate="dwithin", distance=reach)
+        lines, lane = self._centres[piece], self._lane_of_centre[piece]
         at = shapely.line_locate_point(lines, places[place])
         ends = [
             shapely.get_coordinates(shapely.line_interpolate_point(lines, distance))
@@ -219,13 +233,21 @@ class _Index:
 
     def border_distances(self, lanes: IntArray, points: FloatArray) -> FloatArray:
         """Distances of places from the nearer border of a lane each, m."""
-        return np.asarray(shapely.distance(self._borders[lanes], shapely.points(points)))
+        places, away = shapely.points(points), np.full(len(points), np.inf)
+        place, piece = self._border_tree.query(places, predicate="dwithin", distance=_BORDER_REACH)
+        own = self._lane_of_border[piece] == lanes[place]
+        place, piece = place[own], piece[own]
+        np.minimum.at(away, place, shapely.distance(self._borders[piece], places[place]))
+        for far in np.flatnonzero(np.isinf(away)).tolist():
+            away[far] = shapely.distance(self._whole[lanes[far]], places[far])
+        return away
 
-    def heights(self, lanes: IntArray, points: FloatArray) -> FloatArray:
-        """Heights of the middle of a lane each beside a place, m."""
-        lines = self._centres[lanes]
-        at = shapely.line_locate_point(lines, shapely.points(points[:, :2]))
-        return np.asarray(shapely.get_z(shapely.line_interpolate_point(lines, at)))
+
+def _cut(lanes: Iterable[list[FloatArray]]) -> tuple[NDArray[np.object_], IntArray]:
+    """The lines of lanes in pieces, and the number of the lane that each is of."""
+    pieces = [[piece for line in lines for piece in _pieces(line)] for lines in lanes]
+    numbers = np.repeat(np.arange(len(pieces)), [len(row) for row in pieces])
+    return np.array([piece for row in pieces for piece in row], object), numbers
 
 
 def _chosen(lanes: dict[str, MapLane], types: frozenset[str] | None) -> dict[str, MapLane]:
@@ -246,12 +268,14 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
     ours, theirs = _chosen(one.lanes, types), _chosen(other.lanes, types)
     index, own = _Index(theirs), _Index(ours)
     places = _wide(_places(ours.values()))
-    match, away = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
+    match, away, above = index.near(places.point, places.way, _reach(places)).nearest(
+        len(places.lane)
+    )
     found = match >= 0
     missing = _lengths(places, ~found)
     middle, sides, lanes = places.point[found], places.sides[found], match[found]
     borders = np.maximum(*(index.border_distances(lanes, sides[:, side]) for side in (0, 1)))
-    heights = np.abs(index.heights(lanes, middle) - middle[:, 2])
+    heights = np.abs(above[found])
     names = [places.names[number] for number in places.lane[found].tolist()]
     pairs: dict[str, Counter[str]] = {}
     for name, other_lane in zip(names, lanes.tolist(), strict=True):
@@ -312,7 +336,7 @@ def _longest_first(lengths: dict[str, float]) -> dict[str, float]:
 def _extra(lanes: dict[str, MapLane], index: _Index) -> dict[str, float]:
     """Lengths of lanes for which the other map has none."""
     places = _wide(_places(lanes.values()))
-    match, _ = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
+    match, *_ = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
     return _lengths(places, match < 0)
 
 
