@@ -33,6 +33,7 @@ from xodr.model import (
     RoadLink,
     RoadObject,
     Signal,
+    SignalReference,
 )
 from xodr.model.geometry import Cubic
 
@@ -52,6 +53,12 @@ class PlanPose(NamedTuple):
         return PlanPose(
             self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading
         )
+
+    def local(self, place: Sequence[float]) -> tuple[float, float]:
+        """Distances (m) of a place (x, y) ahead of the pose and to its left."""
+        dx, dy = place[0] - self.x, place[1] - self.y
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return cos * dx + sin * dy, cos * dy - sin * dx
 
     def turned(self, angle: float) -> PlanPose:
         """The pose turned on the spot, counterclockwise."""
@@ -222,7 +229,7 @@ class RoadDesign:
     offset: t of lane 0, along the whole road. elevation, superelevation: height (m) of the
     reference
     line and roll (rad) about it, none for a flat road. temporary, temporary_offset: the same of the
-    temporary layer of lanes.
+    temporary layer of lanes. references: signals of other roads that also hold here.
     """
 
     id: str
@@ -236,6 +243,7 @@ class RoadDesign:
     predecessor: RoadLink | None = None
     successor: RoadLink | None = None
     signals: tuple[Signal, ...] = ()
+    references: tuple[SignalReference, ...] = ()
     offset: tuple[Cubic, ...] = ()
     elevation: tuple[Cubic, ...] = ()
     superelevation: tuple[Cubic, ...] = ()
@@ -367,6 +375,9 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     signals = tuple(
         replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals
     )
+    references = tuple(
+        r._replace(t=-r.t, validity=tuple((-b, -a) for a, b in r.validity)) for r in road.references
+    )
     offset, moved, roll = (
         tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in profile)
         for profile in (road.offset, road.temporary_offset, road.superelevation)
@@ -383,7 +394,7 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     )
     return replace(
         road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects,
-        superelevation=roll, temporary=temporary, temporary_offset=moved,
+        superelevation=roll, temporary=temporary, temporary_offset=moved, references=references,
     )  # fmt: skip
 
 
@@ -464,10 +475,12 @@ def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
         objects = _add(element, "objects")
         for item in road.objects:
             _object(objects, item)
-    if road.signals:
+    if road.signals or road.references:
         signals = _add(element, "signals")
         for signal in road.signals:
             _signal(signals, signal)
+        for reference in road.references:
+            _reference(signals, reference)
 
 
 def _plan_view(parent: etree._Element, road: RoadDesign) -> None:
@@ -600,10 +613,22 @@ def _signal(parent: etree._Element, signal: Signal) -> None:
     element = _add(
         parent, "signal", s=signal.s, t=signal.t, id=signal.id, name=signal.name, dynamic="yes" if signal.dynamic else "no",
         orientation=signal.orientation, zOffset=signal.z_offset, country=signal.country, type=signal.type,
-        subtype=signal.subtype, value=signal.value, height=signal.height, width=signal.width, hOffset=signal.h_offset,
+        subtype=signal.subtype, value=signal.value, unit=signal.unit or None,
+        height=signal.height, width=signal.width, hOffset=signal.h_offset,
         pitch=0, roll=0,
     )  # fmt: skip
-    for first, last in signal.validity:
+    _validity(element, signal.validity)
+
+
+def _reference(parent: etree._Element, reference: SignalReference) -> None:
+    element = _add(
+        parent, "signalReference", s=reference.s, t=reference.t, id=reference.signal_id, orientation=reference.orientation
+    )  # fmt: skip
+    _validity(element, reference.validity)
+
+
+def _validity(element: etree._Element, ranges: Iterable[tuple[int, int]]) -> None:
+    for first, last in ranges:
         _add(element, "validity", fromLane=str(first), toLane=str(last))
 
 

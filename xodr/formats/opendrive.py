@@ -20,9 +20,10 @@ from schemas.common.array_types import FloatArray
 from xodr.builders.elements import Geo, LaneDesign, RoadDesign
 from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.conversion import with_crosswalks
-from xodr.formats.lanelet2.lanelet import joined, places
+from xodr.formats.lanelet2.lanelet import joined, parts_of, places
 from xodr.formats.lanelet2.reader import Crosswalk
-from xodr.formats.maps.lane_map import LaneMap, MapLane, heights_on, resampled
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on, resampled
+from xodr.model import Signal, SignalReference
 from xodr.model.geometry import Cubic, Profile
 
 _TOLERANCE = 0.02
@@ -42,6 +43,9 @@ _CLOSE, _WEIGHTS = 0.01, np.array([[1.0], [5.0]])
 counts 5 m beside."""
 _KERBED = {"sidewalk", "walking", "curb"}
 """Types of lanes that lie over the road's surface, perhaps."""
+_SIGN_STEP, _TANGENTS, _MOVED = 2.0, 4, 0.1
+"""Distance (m) of the places of a road among which that beside a sign is looked up, tangents on
+which it is improved, and distance (m) from the ends of a road that is named."""
 _LEVEL = 1e-3
 """Heights (m) of a map that count as none."""
 
@@ -68,9 +72,6 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         geo = Geo(lane_map.projection, (x, y), z, heading)
     ranks = [pair for pair in lane_map.priorities if pair[0] in lanes and pair[1] in lanes]
     built = build(lanelets, lane_map.name, geo, ranks, tolerance=_TOLERANCE)
-    signs = sum(signal.kind == "sign" for signal in lane_map.signals)
-    if signs:
-        notes.append(f"{signs} signs are left out, but for speed limits of lanes")
     made = built.map
     highest = max(
         (float(np.abs(line[:, 2]).max()) for lane in lanes.values() for line in (lane.left, lane.right)), default=0.0
@@ -79,6 +80,11 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         made = replace(made, roads=tuple(_raised(built, lanes)))
     areas = [Crosswalk(area.id, area.outline[:, :2]) for area in lane_map.crosswalks]
     made = replace(made, roads=with_crosswalks(made.roads, areas))
+    signs = [signal for signal in lane_map.signals if signal.kind == "sign"]
+    if signs:
+        roads, moved = _with_signs(made.roads, built.lanelets, signs)
+        made = replace(made, roads=roads)
+        notes += [f"signs beyond the ends of their roads are moved to them: {' '.join(moved)}"] if moved else []  # fmt: skip
     if lane_map.left_hand:
         notes.append("traffic keeps to the left: roads are one-way, so the rule says right")
     return made.to_xml(), [*notes, *built.notes]
@@ -156,6 +162,90 @@ class _LaneBorders:
                 over.append(float(np.median(height - level - t * np.sin(roll))))
             raised = max(map(abs, over)) > _CLOSE
             yield number, replace(lane, height=(over[0], over[1])) if raised else lane
+
+
+def _with_signs(
+    roads: Sequence[RoadDesign], where: Mapping[str, tuple[str, int]], signs: Sequence[MapSignal]
+) -> tuple[tuple[RoadDesign, ...], list[str]]:
+    """The roads with signs beside them, and the names of those that had to be moved.
+
+    A sign stands on the road nearest to it of those whose lanes it holds; the others refer to it.
+    """
+    by_id = {road.id: _Stations(road) for road in roads}
+    own: dict[str, list[Signal]] = defaultdict(list)
+    referring: dict[str, list[SignalReference]] = defaultdict(list)
+    moved = []
+    first = 1 + sum(len(road.signals) for road in roads)
+    for number, sign in enumerate(signs, first):
+        held = _held_lanes(sign, where, by_id)
+        among = held or by_id
+        nearest = min(among, key=lambda road_id: by_id[road_id].distance(sign.place))
+        for road_id in [nearest, *(road_id for road_id in held if road_id != nearest)]:
+            s, t, height, heading, beyond = by_id[road_id].place(sign.place)
+            ranges = tuple((lane, lane) for lane in sorted(held.get(road_id, {0})))
+            if road_id != nearest:
+                referring[road_id].append(SignalReference(str(number), s, t, "+", ranges))
+                continue
+            if beyond > _MOVED:
+                moved.append(sign.id)
+            turn = math.remainder(sign.heading - heading - math.pi, math.tau)
+            own[road_id].append(
+                Signal(
+                    str(number), road_id, s, t, sign.id, False, sign.type, sign.subtype or "-1", sign.country, "+",
+                    sign.value, sign.unit, z_offset=sign.place[2] - height, h_offset=turn, validity=ranges,
+                )
+            )  # fmt: skip
+    made = tuple(
+        replace(
+            road,
+            signals=(*road.signals, *own[road.id]),
+            references=(*road.references, *referring[road.id]),
+        )
+        for road in roads
+    )
+    return made, moved
+
+
+def _held_lanes(
+    sign: MapSignal, where: Mapping[str, tuple[str, int]], roads: Mapping[str, _Stations]
+) -> dict[str, set[int]]:
+    """Lanes on which a sign holds, by road; of a lane that was split, that of the nearest part."""
+    held: dict[str, set[int]] = defaultdict(set)
+    for name in sign.lanes:
+        parts = [where[part] for part in parts_of(name, where)]
+        if parts:
+            road_id, lane = min(parts, key=lambda part: roads[part[0]].distance(sign.place))
+            held[road_id].add(lane)
+    return held
+
+
+class _Stations:
+    """The reference line of a road, to place signs beside it."""
+
+    def __init__(self, road: RoadDesign) -> None:
+        self._road = road
+        self._s = np.linspace(0.0, road.length, places(road.length, _SIGN_STEP))
+        self._poses = road.poses_at(self._s.tolist())
+        self._points = np.array([(pose.x, pose.y) for pose in self._poses])
+
+    def distance(self, place: tuple[float, float, float]) -> float:
+        """Distance (m) of a place from the line, from above."""
+        return float(np.hypot(*(self._points - place[:2]).T).min())
+
+    def place(self, place: tuple[float, float, float]) -> tuple[float, float, float, float, float]:
+        """s, t, height (m) and heading (rad) of the road beside a place, and how far (m) the place
+        lies beyond its ends."""
+        number = int(np.argmin(np.hypot(*(self._points - place[:2]).T)))
+        s, pose = float(self._s[number]), self._poses[number]
+        for _ in range(_TANGENTS):
+            s = min(max(s + pose.local(place)[0], 0.0), self._road.length)
+            (pose,) = self._road.poses_at([s])
+        beyond, t = pose.local(place)
+        level, roll = (
+            Profile(profile)(s) if profile else 0.0
+            for profile in (self._road.elevation, self._road.superelevation)
+        )
+        return s, t, level + t * math.sin(roll), pose.heading, abs(beyond)
 
 
 def _values(cubics: Sequence[Cubic], stations: FloatArray) -> FloatArray:

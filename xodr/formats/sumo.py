@@ -13,7 +13,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on, shifted
+from xodr.formats.maps.lane_map import LANE_TYPES, LaneMap, MapLane, MapSignal, heights_on, shifted
 from xodr.formats.sumo_net import DOCK, build, georeference, lift
 from xodr.graph.network import RoadNetwork
 
@@ -24,11 +24,6 @@ _TYPES = {
     "emergency": "shoulder",
 }  # fmt: skip
 """Lane types by the first vehicle class that a lane allows alone."""
-_OPENDRIVE = {
-    "driving", "sidewalk", "walking", "biking", "bus", "taxi", "HOV", "shoulder", "stop", "border", "parking", "restricted",
-    "median", "curb", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "tram", "rail", "bidirectional",
-    "mwyEntry", "mwyExit", "none",
-}  # fmt: skip
 
 
 def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
@@ -155,7 +150,7 @@ def _lean(row: list[MapLane], leftwards: int) -> None:
 
 def _type(lane: etree._Element, edge: etree._Element) -> str:
     named = lane.get("type") or edge.get("type") or ""
-    if named in _OPENDRIVE:
+    if named in LANE_TYPES or named == "none":
         return named
     allowed = (lane.get("allow") or "").split()
     if allowed and "passenger" not in allowed:

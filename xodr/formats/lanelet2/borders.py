@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from xodr.formats.lanelet2.lanelet import (
+    WALKS,
     CrossLine,
     Lanelet,
     LaneletNeighbour,
@@ -103,9 +104,14 @@ def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
     return whole
 
 
-def linked(lanes: list[Lanelet], bounds: list[LaneletBounds]) -> list[Lanelet]:
-    """Return the lanes with their successors and right neighbours. Sidewalks are two-way and stay
-    alone."""
+def linked(
+    lanes: list[Lanelet], bounds: list[LaneletBounds], directed: Collection[str]
+) -> list[Lanelet]:
+    """Return the lanes with their successors and right neighbours.
+
+    Sidewalks have no neighbours. They are two-way and stay alone, but for `directed` ones, which
+    have a direction and lead to others of these.
+    """
     from scipy.spatial import KDTree
 
     starts = np.array([[*edges.left[0], *edges.right[0]] for edges in bounds])
@@ -113,23 +119,20 @@ def linked(lanes: list[Lanelet], bounds: list[LaneletBounds]) -> list[Lanelet]:
     following = KDTree(starts).query_ball_point(ends, TOUCHING)
     beside = defaultdict(list)
     for lane, edges in zip(lanes, bounds, strict=True):
-        if lane.type != "sidewalk":
+        if lane.type not in WALKS:
             beside[edges.nodes[0]].append(lane.id)
     found = []
     for index, lane in enumerate(lanes):
-        if lane.type == "sidewalk":
-            found.append(lane)
-            continue
+        walk, led = lane.type in WALKS, lane.id in directed
         after = [lanes[other] for other in sorted(following[index]) if other != index]
         right = beside[bounds[index].nodes[1]]
-        neighbour = LaneletNeighbour(right[0], True) if right else None
-        found.append(
-            replace(
-                lane,
-                successors=tuple(one.id for one in after if one.type != "sidewalk"),
-                beside_right=neighbour,
-            )
+        neighbour = LaneletNeighbour(right[0], True) if right and not walk else None
+        onward = tuple(
+            one.id
+            for one in after
+            if (led and one.id in directed if walk else one.type not in WALKS)
         )
+        found.append(replace(lane, successors=onward, beside_right=neighbour))
     return found
 
 
@@ -154,7 +157,7 @@ def split_at_joints(
     nodes = {
         lane.id: list(edges.nodes)
         for lane, edges in zip(lanes, bounds, strict=True)
-        if lane.type != "sidewalk"
+        if lane.type not in WALKS
     }
     starts: list[dict[str, list[tuple[str, Nodes]]]] = [defaultdict(list), defaultdict(list)]
     for name, lines in nodes.items():
@@ -269,7 +272,7 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
 
 
 def _lanes(table: dict[str, Lanelet]) -> list[Lanelet]:
-    return [lanelet for lanelet in table.values() if lanelet.type != "sidewalk"]
+    return [lanelet for lanelet in table.values() if lanelet.type not in WALKS]
 
 
 def _without_predecessors(table: dict[str, Lanelet]) -> list[Lanelet]:

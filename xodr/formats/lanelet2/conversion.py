@@ -3,7 +3,6 @@ of lanes from lanelets."""
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -237,9 +236,7 @@ def _poses(road: RoadDesign) -> Iterator[tuple[float, PlanPose]]:
 
 
 def _corner(pose: PlanPose, point: Sequence[float]) -> OutlineCorner:
-    dx, dy = point[0] - pose.x, point[1] - pose.y
-    cos, sin = math.cos(pose.heading), math.sin(pose.heading)
-    return OutlineCorner(cos * dx + sin * dy, cos * dy - sin * dx, 0.0, 0.0, on_road=False)
+    return OutlineCorner(*pose.local(point), 0.0, 0.0, on_road=False)
 
 
 # files ------------------------------------------------------------------------------------------
@@ -356,7 +353,8 @@ def convert(
     found = read_lanelets(source, origin)
     lanelets, added = completed(found.lanes)
     made = write(lanelets, source.stem, target, found.crosswalks, found.geo, found.priorities)
-    return made._replace(notes=[*found.notes, *added, *made.notes])
+    signs = [f"left out, signs: {' '.join(sign.id for sign in found.signs)}"] if found.signs else []
+    return made._replace(notes=[*found.notes, *signs, *added, *made.notes])
 
 
 def write(

@@ -16,6 +16,7 @@ import numpy as np
 
 from schemas.common.errors import Unsupported, UsageError
 from xodr.formats.lanelet2.lanelet import (
+    WALKS,
     Lanelet,
     LaneletNeighbour,
     Points,
@@ -123,7 +124,7 @@ class Graph:
         lead to."""
         from shapely import LineString, STRtree
 
-        names = [name for name, lanelet in self.lanelets.items() if lanelet.type != "sidewalk"]
+        names = [name for name, lanelet in self.lanelets.items() if lanelet.type not in WALKS]
         lines = [
             LineString(middle(self.lanelets[name].left, self.lanelets[name].right))
             for name in names

@@ -53,6 +53,8 @@ class Lanelet:
     lights: tuple[str, ...] = ()
 
 
+WALKS = ("sidewalk", "walking")
+"""Lane types of pedestrians."""
 REACH = 8.0
 """Length of line from which a direction is taken, m."""
 _BEYOND = 40.0

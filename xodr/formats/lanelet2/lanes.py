@@ -10,9 +10,11 @@ read; without a projection latitudes and longitudes are those of metres about 0,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
@@ -23,6 +25,7 @@ from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import completed
 from xodr.formats.lanelet2.reader import read_lanelets
+from xodr.formats.lanelet2.signs import element_tags, face, way_tags
 from xodr.formats.maps.lane_map import (
     LaneMap,
     MapCrosswalk,
@@ -53,8 +56,11 @@ _SUBTYPES = {
     "rail": ("rail", "vehicle"), "tram": ("rail", "vehicle"),
 }  # fmt: skip
 """Subtype of lanelets and their participant by lane type; others are roads or highways."""
-_LEFT_OUT = {"none", "border", "median", "curb", "restricted", "parking"}
-"""Lane types that are no lanelets"""
+_AREAS = {
+    "border": "keepout", "median": "traffic_island", "curb": "keepout", "restricted": "keepout", "parking": "parking",
+}  # fmt: skip
+"""Subtypes of areas by lane types that are no lanelets."""
+_TWO_WAY = {"sidewalk", "walking"}
 _SIDES = ("left", "right")
 _WALK = {"type": "pedestrian_marking"}
 _CROSSWALK_TAGS = {
@@ -123,41 +129,33 @@ class _Writer:
         return ((number, nodes, self._tags[number]) for nodes, number in self._ways.items())
 
 
+class _Rule(NamedTuple):
+    """A regulatory element: the lanes that refer to it, its ways and lanelets with their roles, and
+    its tags."""
+
+    lanes: Collection[str]
+    ways: list[tuple[int, str]]
+    lanelets: list[tuple[str, str]]
+    tags: dict[str, str]
+
+
 def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     """The content of a file, and what is changed or left out, one sentence each."""
     writer, notes = _Writer(lane_map), []
-    lanes = {name: lane for name, lane in lane_map.lanes.items() if lane.type not in _LEFT_OUT}
+    lanes = {name: lane for name, lane in lane_map.lanes.items() if lane.type != "none"}
     if len(lanes) < len(lane_map.lanes):
-        notes.append(
-            f"{len(lane_map.lanes) - len(lanes)} lanes of types that Lanelet2 has not are left out"
-        )
-    ends = _joined_ends(lanes, notes)
-    bounds = {}
-    for name, lane in lanes.items():
-        left, right = (
-            _with_ends(line, ends, (name, side))
-            for side, line in (("left", lane.left), ("right", lane.right))
-        )
-        numbers = [writer.line(line) for line in (left, right)]
-        if min(map(len, numbers)) < 2:
-            notes.append(f"lane {name} is left out: it is shorter than {_NEAR:g} m")
-            continue
-        marks = [_mark_tags(mark[0]) for mark in lane.marks]
-        bounds[name] = [writer.way(nodes, mark) for nodes, mark in zip(numbers, marks, strict=True)]
-    lights = [
-        signal
-        for signal in lane_map.signals
-        if signal.kind == "light" and any(name in bounds for name in signal.lanes)
+        notes.append(f"{len(lane_map.lanes) - len(lanes)} lanes of type none are left out")
+    bounds = _bounds(writer, lanes, notes)
+    driven = {name for name in bounds if lanes[name].type not in _AREAS}
+    rules = [
+        *_lights(writer, lane_map, driven),
+        *_ranks(lane_map, driven),
+        *_signs(writer, lane_map),
     ]
-    rules = _lights(writer, lights, lanes, bounds)
     walks = [
         [writer.way(writer.line(side), _WALK) for side in sides_of(area.outline)]
         for area in lane_map.crosswalks
     ]
-    ranks: dict[str, list[str]] = {}
-    for high, low in lane_map.priorities:
-        if high in bounds and low in bounds:
-            ranks.setdefault(high, []).append(low)
     _write_nodes(writer, lane_map)
     offset = len(writer.nodes) + 1
     for number, nodes, tags in writer.ways():
@@ -169,35 +167,52 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         _add_tags(way, tags)
     first = offset + len(writer._ways)
     ids = {name: first + number for number, name in enumerate(bounds)}
-    rule_ids = {signal.id: first + len(ids) + number for number, signal in enumerate(lights)}
-    rank_ids = {high: first + len(ids) + len(lights) + number for number, high in enumerate(ranks)}
-    for name, (left_way, right_way) in bounds.items():
-        members = [("way", offset + left_way, "left"), ("way", offset + right_way, "right")]
-        held = [rule_ids[signal.id] for signal in lights if name in signal.lanes]
-        ranked = [rank_ids[high] for high, lows in ranks.items() if name == high or name in lows]
-        members += [("relation", number, "regulatory_element") for number in (*held, *ranked)]
+    first += len(ids)
+    held: dict[str, list[int]] = defaultdict(list)
+    for number, rule in enumerate(rules, first):
+        for name in rule.lanes:
+            held[name].append(number)
+    for name, ways in bounds.items():
+        roles = ("outer",) * len(ways) if lanes[name].type in _AREAS else _SIDES
+        members = [("way", offset + way, role) for way, role in zip(ways, roles, strict=True)]
+        members += [("relation", number, "regulatory_element") for number in held[name]]
         writer.relation(ids[name], members, _lane_tags(lanes[name], name))
-    for signal, (bulb, stop) in zip(lights, rules, strict=True):
-        members = [("way", offset + bulb, "refers"), ("way", offset + stop, "ref_line")]
-        tags = {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
-        writer.relation(rule_ids[signal.id], members, tags)
-    for high, lows in ranks.items():
-        members = [("relation", ids[high], "right_of_way")]
-        members += [("relation", ids[low], "yield") for low in lows]
-        writer.relation(rank_ids[high], members, _RANK)
-    last = first + len(ids) + len(lights) + len(ranks)
-    for number, (area, sides) in enumerate(zip(lane_map.crosswalks, walks, strict=True), last):
+    for number, rule in enumerate(rules, first):
+        members = [("way", offset + way, role) for way, role in rule.ways]
+        members += [("relation", ids[name], role) for name, role in rule.lanelets]
+        writer.relation(number, members, rule.tags)
+    first += len(rules)
+    for number, (area, sides) in enumerate(zip(lane_map.crosswalks, walks, strict=True), first):
         members = [("way", offset + way, role) for way, role in zip(sides, _SIDES, strict=True)]
         writer.relation(number, members, {**_CROSSWALK_TAGS, "name": area.id})
-    signs = sum(signal.kind == "sign" for signal in lane_map.signals)
-    if signs:
-        notes.append(f"{signs} signs are left out, but for speed limits of lanes")
     if lane_map.projection is None:
         notes.append(
             "the map has no projection: latitudes and longitudes are those of its metres about 0, 0"
         )
     etree.indent(writer.root)
     return etree.tostring(writer.root, xml_declaration=True, encoding="UTF-8") + b"\n", notes
+
+
+def _bounds(
+    writer: _Writer, lanes: dict[str, MapLane], notes: list[str]
+) -> dict[str, tuple[int, ...]]:
+    """The ways of lanes: their borders, and of areas the ends between these as well."""
+    ends = _joined_ends(lanes, notes)
+    bounds: dict[str, tuple[int, ...]] = {}
+    for name, lane in lanes.items():
+        left, right = (
+            writer.line(_with_ends(line, ends, (name, side)))
+            for side, line in (("left", lane.left), ("right", lane.right))
+        )
+        if min(len(left), len(right)) < 2:
+            notes.append(f"lane {name} is left out: it is shorter than {_NEAR:g} m")
+            continue
+        lines = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
+        if lane.type in _AREAS:
+            closing = [(left[at], right[at]) for at in (-1, 0) if left[at] != right[at]]
+            lines += [(nodes, {"type": "virtual"}) for nodes in closing]
+        bounds[name] = tuple(writer.way(nodes, tags) for nodes, tags in lines)
+    return bounds
 
 
 def _joined_ends(
@@ -261,13 +276,18 @@ def _mark_tags(mark: str) -> dict[str, str]:
 
 
 def _lane_tags(lane: MapLane, name: str) -> dict[str, str]:
+    if lane.type in _AREAS:
+        return _area_tags(lane, name)
     subtype, participant = _SUBTYPES.get(
         lane.type, ("highway" if lane.road_type == "motorway" else "road", "vehicle")
     )
     tags = {
-        "type": "lanelet", "subtype": subtype, "location": _URBAN.get(lane.road_type, "urban"), "one_way": "yes",
-        f"participant:{participant}": "yes", "lane_type": lane.type, "road_type": lane.road_type, "name": name,
+        "type": "lanelet", "subtype": subtype, "location": _URBAN.get(lane.road_type, "urban"),
+        "one_way": "no" if lane.type in _TWO_WAY else "yes", f"participant:{participant}": "yes",
+        "lane_type": lane.type, "road_type": lane.road_type, "name": name,
     }  # fmt: skip
+    if subtype == "road":
+        tags["participant:bicycle"] = "yes"
     if lane.limit is not None:
         tags["speed_limit"] = f"{lane.limit * 3.6:.6f}".rstrip("0").rstrip(".") + " km/h"
     if lane.in_junction:
@@ -275,27 +295,47 @@ def _lane_tags(lane: MapLane, name: str) -> dict[str, str]:
     return tags
 
 
-def _lights(
-    writer: _Writer,
-    lights: list[MapSignal],
-    lanes: dict[str, MapLane],
-    bounds: dict[str, list[int]],
-) -> list[tuple[int, int]]:
-    """The ways of each light: its face, and the stop line across the lanes that it holds, at their
+def _area_tags(lane: MapLane, name: str) -> dict[str, str]:
+    """Tags of a lane that is an area; its first two ways are its borders."""
+    tags = {"type": "multipolygon", "subtype": _AREAS[lane.type], "name": name}
+    return {**tags, "lane_type": lane.type, "road_type": lane.road_type}
+
+
+def _lights(writer: _Writer, lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
+    """The lights, each with its face and the stop line across the first lane that it holds, at its
     end."""
-    made = []
-    for signal in lights:
-        x, y, z = signal.place
-        across = np.array([-math.sin(signal.heading), math.cos(signal.heading), 0.0])
-        face = np.array([x, y, z]) + np.outer([-0.2, 0.2], across)
+    for signal in lane_map.signals:
+        held = [name for name in signal.lanes if name in driven]
+        if signal.kind != "light" or not held:
+            continue
         bulb = writer.way(
-            writer.line(face), {"type": "traffic_light", "subtype": "red_yellow_green"}
+            writer.line(face(signal.place, signal.heading)),
+            {"type": "traffic_light", "subtype": "red_yellow_green"},
         )
-        held = [lanes[name] for name in signal.lanes if name in bounds]
-        ends = [(lane.left[-1], lane.right[-1]) for lane in held]
-        stop = np.array([ends[0][0], ends[0][1]])
-        made.append((bulb, writer.way(writer.line(stop), {"type": "stop_line"})))
-    return made
+        lane = lane_map.lanes[held[0]]
+        line = writer.line(np.array([lane.left[-1], lane.right[-1]]))
+        stop = writer.way(line, {"type": "stop_line"})
+        tags = {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
+        yield _Rule(held, [(bulb, "refers"), (stop, "ref_line")], [], tags)
+
+
+def _ranks(lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
+    """The right of way of each lane over others."""
+    ranks: dict[str, list[str]] = {}
+    for high, low in lane_map.priorities:
+        if high in driven and low in driven:
+            ranks.setdefault(high, []).append(low)
+    for high, lows in ranks.items():
+        roles = [(high, "right_of_way"), *((low, "yield") for low in lows)]
+        yield _Rule({high: None, **dict.fromkeys(lows)}, [], roles, _RANK)
+
+
+def _signs(writer: _Writer, lane_map: LaneMap) -> Iterator[_Rule]:
+    """The signs, each with its face."""
+    for sign in lane_map.signals:
+        if sign.kind == "sign":
+            way = writer.way(writer.line(face(sign.place, sign.heading)), way_tags(sign))
+            yield _Rule(sign.lanes, [(way, "refers")], [], element_tags(sign))
 
 
 def _write_nodes(writer: _Writer, lane_map: LaneMap) -> None:
@@ -353,16 +393,12 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
     signals = []
     for light, names in lights.items():
         x, y, z = made[names[0]].right[-1].tolist()
-        signals.append(
-            MapSignal(
-                light,
-                "light",
-                ("1000001", "-1", "OpenDRIVE", None, ""),
-                (x, y, z),
-                0.0,
-                tuple(names),
-            )
-        )
+        place, heading = found.faces.get(light, ((x, y, z), 0.0))
+        what = ("1000001", "-1", "OpenDRIVE", None, "")
+        signals.append(MapSignal(light, "light", what, place, heading, tuple(names)))
+    for sign in found.signs:
+        sign.lanes = tuple(name for name in sign.lanes if name in made)
+        signals.append(sign)
     projection, offset = _own_projection(path) if origin is None else (None, (0.0, 0.0, 0.0, 0.0))
     if projection is None and found.geo is not None:
         projection, offset = found.geo.projection, (*found.geo.origin, 0.0, 0.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,8 +19,10 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from xodr.builders.elements import Geo
 from xodr.formats.lanelet2.borders import LaneletBounds, bounds_of, linked, split_at_joints
-from xodr.formats.lanelet2.lanelet import Lanelet, Points
+from xodr.formats.lanelet2.lanelet import WALKS, Lanelet, Points
 from xodr.formats.lanelet2.osm import MapProjection, Osm, Relation, Tags, read
+from xodr.formats.lanelet2.signs import Place, face_lines, facing, signs_of
+from xodr.formats.maps.lane_map import LANE_TYPES, ROAD_TYPES, MapSignal
 
 CROSSWALK = "crosswalk"
 
@@ -65,21 +68,44 @@ _LINES = {"line_thin": "solid", "line_thick": "solid", "curbstone": "curb", "roa
 
 
 def kind_of(relation: Relation) -> LaneletKind | None:
-    """Return the OpenDRIVE type of a lanelet; None if its subtype is unknown. Lanelets without a
-    subtype are roads."""
+    """Return the OpenDRIVE type of a lanelet, or of an area that was a lane; None if its subtype is
+    unknown. Lanelets without a subtype are roads. The tags `lane_type` and `road_type` of maps that
+    were OpenDRIVE say more than the subtype."""
     tags = relation.tags
     subtype = tags.get("subtype") or "road"
-    lane_type = _SUBTYPES.get(subtype)
+    own = tags.get("lane_type", "")
+    area = tags.get("type") == "multipolygon"
+    lane_type = own if area and own in LANE_TYPES else _SUBTYPES.get(subtype)
     if lane_type is None:
         return None
     usual = "rural" if tags.get("location") == "nonurban" else "town"
     road_type = _ROAD_TYPES.get(subtype, usual)
     limit = speed_limit(relation)
-    return LaneletKind(
-        lane_type,
-        road_type,
-        _TYPE_LIMITS.get(lane_type, _LIMITS[road_type]) if limit is None else limit,
+    if limit is None:
+        limit = math.inf if area else _TYPE_LIMITS.get(lane_type, _LIMITS[road_type])
+    if lane_type != CROSSWALK and own in LANE_TYPES:
+        lane_type = own
+    if tags.get("road_type", "") in ROAD_TYPES:
+        road_type = tags["road_type"]
+    return LaneletKind(lane_type, road_type, limit)
+
+
+def is_strip(relation: Relation) -> bool:
+    """Whether a relation is an area that was a lane without traffic; its first two ways are its
+    borders."""
+    tags = relation.tags
+    return (
+        tags.get("type") == "multipolygon"
+        and tags.get("lane_type", "") in LANE_TYPES
+        and len(relation.refs("outer", "way")) >= 2
     )
+
+
+def _sided(relation: Relation) -> Relation:
+    """An area that was a lane with its first two ways as its left and its right bound."""
+    ways = [member for member in relation.members if member.role == "outer"]
+    sides = (ways[0]._replace(role="left"), ways[1]._replace(role="right"))
+    return replace(relation, members=sides)
 
 
 def speed_limit(relation: Relation) -> float | None:
@@ -119,9 +145,10 @@ class Regulations(NamedTuple):
 
     limits: speed limits [m/s]. lights: ids of traffic lights. priorities: pairs of which the first
     goes before the second. left_out: ids of the relations that say nothing of this, by type and
-    subtype.
+    subtype. users: lanelets by the elements that they refer to.
     """
 
+    users: dict[str, list[str]]
     limits: dict[str, float]
     lights: dict[str, tuple[str, ...]]
     priorities: list[tuple[str, str]]
@@ -135,8 +162,8 @@ def regulations(osm: Osm) -> Regulations:
     Raises:
         InvalidFile: a speed limit is no speed.
     """
-    found = Regulations({}, {}, [], defaultdict(list))
-    users = defaultdict(list)
+    users: dict[str, list[str]] = defaultdict(list)
+    found = Regulations(users, {}, {}, [], defaultdict(list))
     for relation in osm.relations.values():
         for ref in relation.refs("regulatory_element", "relation"):
             users[ref].append(relation.id)
@@ -145,8 +172,12 @@ def regulations(osm: Osm) -> Regulations:
             relation.tags.get("type", "relation without a type"),
             relation.tags.get("subtype", ""),
         )
-        if kind != "lanelet" and not (
-            kind == "regulatory_element" and _read(found, relation, subtype, users[relation.id])
+        if (
+            kind != "lanelet"
+            and not is_strip(relation)
+            and not (
+                kind == "regulatory_element" and _read(found, relation, subtype, users[relation.id])
+            )
         ):
             found.left_out[f"{kind} {subtype}".strip()].append(relation.id)
     return found
@@ -162,6 +193,8 @@ def _read(found: Regulations, rule: Relation, subtype: str, lanelets: list[str])
                 {name: min(limit, found.limits.get(name, limit)) for name in lanelets}
             )
         return limit is not None
+    if subtype == "traffic_sign":
+        return bool(rule.refs("refers", "way"))
     if subtype == "traffic_light":
         found.lights.update({name: (*found.lights.get(name, ()), rule.id) for name in lanelets})
         return bool(lanelets)
@@ -194,7 +227,8 @@ class Lanelets(NamedTuple):
     lanes: lanelets that are lanes, with successors and right neighbours. crosswalks: those that are
     not. priorities: pairs of lanelets of which the first goes before the second. geo: where the map
     is. surveyed: left and right bound with heights, (n, 3) each, by id in the file; none of a flat
-    map. notes: what is left out or assumed, one sentence each.
+    map. signs: with the ids of lanelets in the file. faces: place and heading of traffic lights that
+    have one. notes: what is left out or assumed, one sentence each.
     """
 
     lanes: list[Lanelet]
@@ -202,6 +236,8 @@ class Lanelets(NamedTuple):
     priorities: list[tuple[str, str]]
     geo: Geo | None
     surveyed: dict[str, tuple[FloatArray, FloatArray]]
+    signs: list[MapSignal]
+    faces: dict[str, tuple[Place, float]]
     notes: list[str]
 
 
@@ -226,7 +262,9 @@ def read_lanelets(path: Path, origin: tuple[float, float] | None) -> Lanelets:
 
 def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
     relations = [
-        relation for relation in osm.relations.values() if relation.tags.get("type") == "lanelet"
+        _sided(relation) if is_strip(relation) else relation
+        for relation in osm.relations.values()
+        if relation.tags.get("type") == "lanelet" or is_strip(relation)
     ]
     if not relations:
         raise InvalidFile("there is no lanelet in this map", line=1, element="osm")
@@ -251,7 +289,8 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
         if any(len(relation.refs(side, "way")) > 1 for side in ("left", "right"))
     ]
     drawn = [lane.id for lane in lanes]
-    lanes, splits = split_at_joints(linked(lanes, bounds), bounds, joined)
+    directed = {relation.id for relation in relations if relation.tags.get("lane_type") in WALKS}
+    lanes, splits = split_at_joints(linked(lanes, bounds, directed), bounds, joined)
     notes = (
         [f"left out, since the map does not have them: {', '.join(osm.absent)}"]
         if osm.absent
@@ -271,7 +310,15 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
                 for line in edges.nodes
             )
             surveyed[lane] = left, right
-    return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, surveyed, notes)
+    faces = {
+        light: facing(lines[0][0])
+        for light in {light for lights in rules.lights.values() for light in lights}
+        if (lines := face_lines(osm, osm.relations[light], points))
+    }
+    signs = signs_of(osm, points, rules.users)
+    return Lanelets(
+        lanes, crosswalks, rules.priorities, projection.geo, surveyed, signs, faces, notes
+    )
 
 
 def _lane(
@@ -297,7 +344,7 @@ def _notes(relations: list[Relation], rules: Regulations) -> list[str]:
             notes.append(
                 f"lanelet {relation.id} is left out: its subtype {relation.tags['subtype']!r} has no lane type"
             )
-        elif kind.type not in ("sidewalk", CROSSWALK):
+        elif kind.type not in (*WALKS, CROSSWALK) and not is_strip(relation):
             if relation.tags.get("one_way") == "no":
                 notes.append(
                     f"lanelet {relation.id} may be driven both ways; its lane leads one way"

@@ -56,7 +56,6 @@ MAP_FIELDS = {
     "lateral profiles": "reference lines, lane sections",
 }
 """Fields of a map; `FATES` has the fate of each in every format that is written."""
-_WALKS = "shared nodes; sidewalks are two-way, and are read without links"
 _TYPES = "types that the format has; others are left out or the nearest"
 FATES: Mapping[str, Fates] = {
     "opendrive": {
@@ -65,18 +64,19 @@ FATES: Mapping[str, Fates] = {
         "speed limits": kept(), "road marks": changed("types; not colours, widths"), "lane links": kept(),
         "neighbours": changed("of lanes that lead the same way"), "junctions": kept(), "junction priorities": kept(),
         "crosswalks": kept("outlines on the road's surface"), "traffic lights": kept(),
-        "signs": lost("the way by lanes has none"), "objects": lost("the way by lanes has none"), "projection": kept(),
+        "signs": kept("beside their lanes"), "objects": lost("the way by lanes has none"), "projection": kept(),
         "offset": kept(), "rule of traffic": changed("roads are one-way, right-hand"),
         "names and ids": changed("new ids; names of lanes are in the names of roads"),
         "lateral profiles": changed("one road for each bundle of lanes"),
     },
     "lanelet2": {
         "lane borders": kept("ways"), "centre lines": kept("between the ways"), "heights": kept("`ele`"),
-        "lane types": changed(_TYPES), "road types": changed("urban, nonurban, highway"), "speed limits": kept("`speed_limit`"),
-        "road marks": changed("thin lines; not colours, widths"), "lane links": changed(_WALKS),
+        "lane types": kept("subtypes, areas, tag `lane_type`"), "road types": kept("`location`, tag `road_type`"),
+        "speed limits": kept("`speed_limit`"),
+        "road marks": changed("thin lines; not colours, widths"), "lane links": kept("shared nodes"),
         "neighbours": changed("shared ways: not across a kerb"), "junctions": lost("Lanelet2 has none; lanelets cross"),
         "junction priorities": kept("`right_of_way`"), "crosswalks": kept("lanelets `crosswalk`"),
-        "traffic lights": kept("`traffic_light`"), "signs": lost("not written"), "objects": lost("not written"),
+        "traffic lights": kept("`traffic_light`"), "signs": kept("`traffic_sign`"), "objects": lost("not written"),
         "projection": kept("latitudes, longitudes"), "offset": kept("`local_x`, `local_y`"),
         "rule of traffic": lost("directions say it"), "names and ids": changed("tag `name`"),
         "lateral profiles": lost("lanelets have none"),

@@ -25,6 +25,18 @@ from xodr.lookup.lanelets import Key, Paint, lanelets
 from xodr.model import RoadObject
 from xodr.model.road import Road
 
+LANE_TYPES = {
+    "driving", "stop", "shoulder", "biking", "sidewalk", "walking", "border", "restricted", "parking", "bidirectional",
+    "median", "entry", "exit", "offRamp", "onRamp", "rail", "tram", "bus", "taxi", "HOV", "curb", "connectingRamp",
+    "slipLane", "mwyEntry", "mwyExit", "special1", "special2", "special3", "roadWorks", "shared",
+}  # fmt: skip
+"""Lane types of OpenDRIVE."""
+ROAD_TYPES = {
+    "unknown", "rural", "motorway", "town", "lowSpeed", "pedestrian", "bicycle", "townExpressway",
+    "townCollector", "townArterial", "townPrivate", "townLocal", "townPlayStreet",
+}  # fmt: skip
+"""Road types of OpenDRIVE."""
+
 UNPAINTED: Paint = ("none", "standard", None)
 """A border without a mark."""
 

@@ -23,7 +23,7 @@ from tests.xodr.formats.lanelet2.lanelet_maps import (
     turn,
     two_lanes,
 )
-from xodr.formats.lanelet2 import Conversion, convert
+from xodr.formats.lanelet2 import Conversion, convert, lanes
 from xodr.lookup.geo import Geodetic, GeoReference
 
 REGULATED = '<member type="relation" role="regulatory_element" ref="{}"/>'
@@ -271,6 +271,33 @@ def test_traffic_lights_hold_the_lanes_that_refer_to_them(tmp_path: Path) -> Non
         controller.name: len(controller.signals) for controller in network.controllers.values()
     } == {"70": 2, "71": 1}
     assert any("traffic_light: 72" in note for note in conversion.notes)
+
+
+@pytest.mark.parametrize(
+    ("code", "meaning"),
+    [
+        ("de205", ("205", "-1", "DE")),
+        ("de274-60", ("274", "60", "DE")),
+        ("usR1-1", ("R1", "1", "US")),
+        ("stop", ("stop", "-1", "")),
+    ],
+)
+def test_a_sign_has_the_place_and_meaning_of_its_way(
+    code: str, meaning: tuple[str, str, str], tmp_path: Path
+) -> None:
+    made = LaneletMap()
+    lane(made, 1, members=REGULATED.format(70))
+    face = made.way([(50.0, -3.0), (50.0, -3.6)], f"traffic_sign {code}")
+    made.relation(
+        70,
+        f'<member type="way" role="refers" ref="{face}"/>',
+        type="regulatory_element",
+        subtype="traffic_sign",
+    )
+    (sign,) = lanes.read(made.write(tmp_path)).signals
+    assert (sign.type, sign.subtype, sign.country) == meaning
+    assert sign.place == pytest.approx((50.0, -3.3, 0.0)) and sign.lanes == ("1",)
+    assert math.cos(sign.heading - math.pi) > 0.999, "it looks at those who drive east"
 
 
 def test_the_right_of_way_is_a_priority_of_the_junction(tmp_path: Path) -> None:
