@@ -20,7 +20,7 @@ from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
-_BLOCK = 8192
+_BLOCK = 16384
 """Points that are played at a time: episodes are short, and more at a time cost less each"""
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""

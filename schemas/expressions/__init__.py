@@ -65,11 +65,17 @@ class ExpressionError(ToolchainError):
 
 class Function(NamedTuple):
     """A function of the standard: how many arguments, what it does, and the version that introduced
-    it."""
+    it.
+
+    Args:
+        columns: the same of numbers of many parameter sets, to the last bit; None where numpy has
+            no such function. A result that is no number stands for an argument that is refused.
+    """
 
     arity: int
     apply: Callable[..., Number]
     since: tuple[int, int]
+    columns: Callable[..., Any] | None = None
 
 
 def _round(value: Number) -> int:
@@ -77,11 +83,30 @@ def _round(value: Number) -> int:
     return int(math.copysign(whole + (abs(value) - whole >= 0.5), value))
 
 
+def _by_numpy(name: str) -> Callable[..., Any]:
+    """A function of numpy, which is imported where it is called."""
+
+    def apply(value: Any) -> Any:
+        import numpy as np
+
+        return getattr(np, name)(value)
+
+    return apply
+
+
+def _chosen(is_second: Any, first: Any, second: Any) -> Any:
+    """The second of two columns where that is said, as `max` and `min` choose of equal ones."""
+    import numpy as np
+
+    return np.where(is_second, second, first)
+
+
+# numpy's sines and powers differ from those of `math` in their last bits: they are left out.
 FUNCTIONS: dict[str, Function] = {
     "round": Function(1, _round, FIRST_VERSION),
-    "floor": Function(1, math.floor, FIRST_VERSION),
-    "ceil": Function(1, math.ceil, FIRST_VERSION),
-    "sqrt": Function(1, math.sqrt, FIRST_VERSION),
+    "floor": Function(1, math.floor, FIRST_VERSION, _by_numpy("floor")),
+    "ceil": Function(1, math.ceil, FIRST_VERSION, _by_numpy("ceil")),
+    "sqrt": Function(1, math.sqrt, FIRST_VERSION, _by_numpy("sqrt")),
     "pow": Function(2, math.pow, FIRST_VERSION),
     "sin": Function(1, math.sin, (1, 3)),
     "cos": Function(1, math.cos, (1, 3)),
@@ -89,10 +114,10 @@ FUNCTIONS: dict[str, Function] = {
     "asin": Function(1, math.asin, (1, 3)),
     "acos": Function(1, math.acos, (1, 3)),
     "atan": Function(1, math.atan, (1, 3)),
-    "sign": Function(1, lambda value: (value > 0) - (value < 0), (1, 3)),
-    "abs": Function(1, abs, (1, 3)),
-    "max": Function(2, max, (1, 3)),
-    "min": Function(2, min, (1, 3)),
+    "sign": Function(1, lambda value: (value > 0) - (value < 0), (1, 3), _by_numpy("sign")),
+    "abs": Function(1, abs, (1, 3), abs),
+    "max": Function(2, max, (1, 3), lambda left, right: _chosen(right > left, left, right)),
+    "min": Function(2, min, (1, 3), lambda left, right: _chosen(right < left, left, right)),
 }
 CONSTANTS: dict[str, Value] = {"pi": math.pi, "e": math.e, "true": True, "false": False}
 
@@ -313,7 +338,7 @@ class _Parser:
                 f"{name!r} is neither a function nor a constant (a parameter is written ${name})"
             )
         self.functions.add(name)
-        arity, apply, _ = FUNCTIONS[name]
+        arity, apply, _, in_columns = FUNCTIONS[name]
         self.expect("(")
         arguments = [self.expression()]
         while self.accept(","):
@@ -326,6 +351,10 @@ class _Parser:
 
         def node(lookup: Lookup) -> Value:
             values = [_number(argument(lookup), name, argument) for argument in arguments]
+            if any(hasattr(value, "dtype") for value in values):
+                if in_columns is None:
+                    raise TypeError(f"{name} is worked out for one number at a time")
+                return finite(in_columns(*values), name)
             try:
                 return finite(apply(*values), name)
             except (ValueError, OverflowError):

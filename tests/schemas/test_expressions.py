@@ -235,11 +235,16 @@ def test_any_text_is_substituted_or_refused(text):
 
 def test_values_of_many_sets_are_those_of_each() -> None:
     columns = {"a": np.array([3.0, -0.1, 7.5]), "b": np.array([0.3, 5.0, 1e-3])}
-    for text in ("${$a * 3 - $b / $a}", "${-($a + 2) * $b}"):
+    for text in (
+        "${$a * 3 - $b / $a}",
+        "${-($a + 2) * $b}",
+        "${max($a, $b) + min($a, 3) * max(sign($a - $b), 0)}",
+        "${sqrt(abs($a)) - floor($b) / ceil($a + 2)}",
+    ):
         found = evaluate_columns(text, columns.__getitem__)
         for row, value in enumerate(found):
             assert value == evaluate(text, {name: each[row] for name, each in columns.items()}.get)
-    for text in ("${$a % $b}", "${round($a)}"):
+    for text in ("${$a % $b}", "${round($a)}", "${sin($a)}", "${sqrt($a)}"):
         assert evaluate_columns(text, columns.__getitem__) is None, "of single numbers"
     assert evaluate_columns("${1 / ($a - 3)}", columns.__getitem__) is None, "one divides by zero"
     assert evaluate_columns("${0 / (1e308 * 10 * $a)}", columns.__getitem__) is None
