@@ -31,6 +31,7 @@ from runner.batch.jobs import Job, jobs_of
 from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
 from runner.judging.measures.criticality import Criticality
+from runner.judging.measures.runs import Measuring
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError
@@ -72,8 +73,9 @@ def played(
     """Outcomes in arrays of the sets that have one, and their places there, by the numbers of the
     sets."""
     found = {}
+    measuring = Measuring(parameter_set("ad-rss"), RISK_WINDOW)
     for structure in structures(path, sets, settings):
-        for block in play(structure, settings):
+        for block in play(structure, settings, measuring, keeps=True):
             for place, number in enumerate(block.members.tolist()):
                 if block.outcomes.outcome[place] != OPEN:
                     found[number] = (block.outcomes, place)
@@ -95,7 +97,7 @@ def differences(outcomes: BatchOutcomes, place: int, result: RunResult) -> Itera
     seen = result.criticality
     if seen is None:
         return
-    measured = outcomes.measured(parameter_set("ad-rss"), RISK_WINDOW)
+    measured = outcomes.measures
     for name, value in _at_once(seen).items():
         told_at_once = float(getattr(measured, name)[place])
         if not _alike(told_at_once, value):

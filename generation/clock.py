@@ -14,6 +14,10 @@ from schemas.common.array_types import FloatArray
 SEARCHED = 0.7
 """Share of the time after which nothing more is sought: edge cases are chosen and written in the rest"""
 _MINUTE, _PART = 60.0, 50
+_BLOCK = 1024
+"""Points that drivers run between two looks at the clock"""
+PLAYED = 8192
+"""Points that are played in arrays between two looks at the clock"""
 _DRIVERS = 8
 """Runs that an edge case takes: judges, other reference drivers, its replay"""
 
@@ -59,14 +63,16 @@ class SearchClock:
                 break
             yield theta[start : start + _PART]
 
-    def limited(self, drivers: Callable[..., Outcomes]) -> Callable[..., Outcomes]:
+    def limited(
+        self, drivers: Callable[..., Outcomes], block: int = _BLOCK
+    ) -> Callable[..., Outcomes]:
         """The same drivers, or plays, which ask for the time in each block of points."""
 
         def driving(theta: FloatArray, sut: str | None = None) -> Outcomes:
             parts = [Outcomes.of(0)]
-            for start in range(0, len(theta), _BLOCK):
+            for start in range(0, len(theta), block):
                 self.check()
-                parts.append(drivers(theta[start : start + _BLOCK], sut))
+                parts.append(drivers(theta[start : start + block], sut))
             return joined(parts[1:] or parts)
 
         return driving
@@ -77,7 +83,3 @@ class SearchClock:
             return most
         left = max(self._limit - self._spent, 0.0)
         return int(np.clip(left * runs / max(self._spent, 1.0) / _DRIVERS, 1, most))
-
-
-_BLOCK = 1024
-"""Points that are played between two looks at the clock"""

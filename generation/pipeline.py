@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from generation.clock import SearchClock, TimeOver
+from generation.clock import PLAYED, SearchClock, TimeOver
 from generation.estimation.bound import DrawnBound, draws_until
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
@@ -209,7 +209,7 @@ def generate(
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget, judges included
         plays = _plays(scenario, space, settings)
-        screen = None if plays is None else Counting(clock.limited(plays))
+        screen = None if plays is None else Counting(clock.limited(plays, PLAYED))
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = _drivers(scenario, space, out, settings, evaluator)
         asked = clock.limited(counted_drivers(drivers, progress))

@@ -15,13 +15,12 @@ from runner.batch.arrays import obstacle, play, structures
 from runner.batch.jobs import Job
 from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
+from runner.judging.measures.runs import Measuring
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
-_BLOCK = 16384
-"""Points that are played at a time: episodes are short, and more at a time cost less each"""
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
 _UNTESTED = "it did not test what the file describes"
@@ -81,13 +80,14 @@ class ArrayPlays:
         columns = {name: np.array([value] * len(sets)) for name, value in NOTHING.items()}
         columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
         known = np.zeros(len(sets), bool)
+        measuring = Measuring(parameter_set(self._rss), RISK_WINDOW)
         # Sets that differ in more than numbers are compiled apart.
         for structure in structures(self._scenario, sets, asked) if sets else ():
-            for block in play(structure, asked, _BLOCK):
+            for block in play(structure, asked, measuring):
                 done = block.outcomes.outcome != OPEN
                 rows = block.members[done]
                 known[rows] = True
-                for name, values in _columns(block.outcomes, self._rss).items():
+                for name, values in _columns(block.outcomes).items():
                     columns[name][rows] = values[done]
         # Left open by the arrays: a remark that makes a run inconclusive, or an error, which the
         # interpreter tells with file and line.
@@ -102,9 +102,10 @@ class ArrayPlays:
         return {name: str(value) for name, value in values.items()}
 
 
-def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
+def _columns(outcomes: BatchOutcomes) -> dict[str, Any]:
     """Columns of `Outcomes` of runs in arrays (n,)."""
-    measured = outcomes.measured(parameter_set(rss), RISK_WINDOW)
+    measured = outcomes.measures
+    assert measured is not None
     failed = outcomes.outcome == FAILED
     untested = outcomes.outcome == INCONCLUSIVE
     columns: dict[str, Any] = {

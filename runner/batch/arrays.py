@@ -25,7 +25,7 @@ from runner.engine.storyboard.batch_run import BatchSimulation
 from runner.judging.criteria.criterion import declared
 from runner.judging.evidence.batch import OPEN, BatchJudge, BatchOutcomes
 from runner.judging.evidence.least import least_values
-from runner.judging.measures.runs import RunMeasures
+from runner.judging.measures.runs import Measuring, RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
 from runner.systems.batch_systems import open_batch
@@ -36,15 +36,15 @@ from schemas.common.policy import current
 from schemas.expressions.columns import Columns, NotInArrays, NumberColumn, reading
 from schemas.expressions.values import type_named
 
-BLOCK = 1024
-"""Sets that are played at a time: their states fit into the processor's caches"""
+BLOCK = 16_384
+"""Sets that are played at a time: a step of more of them costs less each"""
 _AFTER_COLLISION = 1.0
 """Time that is played on after the ego's first contact, where that ends a run, s"""
 SETS = "sets.parquet"
 """Table of the sets that were played in arrays, in the folder of a batch"""
 NEAREST = 10
 """Runs without a failure that come nearest to one, and that are recorded"""
-_CHUNK = 4096
+_CHUNK = 16_384
 """Jobs that are settled at a time"""
 _MOST_STRUCTURES = 32
 """Structures that are compiled for the sets of a scenario; sets beyond are played one by one"""
@@ -203,19 +203,25 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
     return ""
 
 
-def play(structure: CompiledSets, settings: RunSettings, block: int = BLOCK) -> Iterator[PlayedRow]:
+def play(
+    structure: CompiledSets,
+    settings: RunSettings,
+    measuring: Measuring | None = None,
+    keeps: bool = False,
+) -> Iterator[PlayedRow]:
     """Play the sets of a structure, a block at a time.
 
     Args:
-        block: sets that are played at a time.
+        measuring: choice of measures; None for none.
+        keeps: whether places at all instants are kept, for comparisons.
 
     Raises:
         NotInArrays: an element, the system under test or a setting plays in single runs only.
     """
     count = len(structure.members)
-    for start in range(0, count, block):
-        chosen = slice(start, start + block)
-        with _run(structure, structure.places[chosen], settings) as (run, judge):
+    for start in range(0, count, BLOCK):
+        chosen = slice(start, start + BLOCK)
+        with _run(structure, structure.places[chosen], settings, measuring, keeps) as (run, judge):
             run.play()
         yield PlayedRow(structure.members[chosen], judge.outcomes(run))
 
@@ -289,12 +295,12 @@ class Together:
                     "runs with limits of memory or time are in processes of their own"
                 )
             for structure in structures(path, [job.parameters for job in jobs], settings):
-                for block in play(structure, settings):
-                    numbers = block.members.tolist()
-                    measured = block.outcomes.measured(parameter_set("ad-rss"))
+                for block in play(structure, settings, Measuring(parameter_set("ad-rss"))):
+                    measures = block.outcomes.measures
+                    assert measures is not None
                     known |= {
-                        number: _measures(block.outcomes, measured, at)
-                        for at, number in enumerate(numbers)
+                        number: _measures(block.outcomes, measures, at)
+                        for at, number in enumerate(block.members.tolist())
                     }
         except (NotInArrays, Unsupported) as error:
             self._single.add(path)
@@ -388,7 +394,11 @@ def _measures(outcomes: BatchOutcomes, measured: RunMeasures, at: int) -> dict[s
 
 @contextmanager
 def _run(
-    structure: CompiledSets, sets: IntArray, settings: RunSettings
+    structure: CompiledSets,
+    sets: IntArray,
+    settings: RunSettings,
+    measuring: Measuring | None = None,
+    keeps: bool = False,
 ) -> Iterator[tuple[BatchSimulation, BatchJudge]]:
     """The runs of some sets; the system under test is closed after them."""
     scenario = structure.scenario
@@ -406,7 +416,7 @@ def _run(
             if system is not None
             else None
         )
-        judge = BatchJudge(scenario, sets, system is not None, reserve)
+        judge = BatchJudge(scenario, sets, system is not None, reserve, measuring, keeps)
         after = round(_AFTER_COLLISION / settings.timestep)
         run = BatchSimulation(
             scenario,

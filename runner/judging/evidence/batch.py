@@ -7,7 +7,7 @@ with rare kinds of evidence stay open, for the interpreter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,8 @@ from runner.judging.evidence.progress import mishap_events, scene_events, withou
 from runner.judging.evidence.rows import causes_of
 from runner.judging.measures.criticality import criticality
 from runner.judging.measures.relations import MotionRows
-from runner.judging.measures.runs import RunMeasures, measure_runs
+from runner.judging.measures.runs import BatchMeasures, Measuring, RunMeasures
+from runner.judging.measures.segments import ENDLESS, FRAME, SEGMENT, Segment
 from runner.judging.result import FAILED, INCONCLUSIVE, PASSED
 from runner.systems.drivers import scripted_at_start
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.motion.rss import RssParameters
     from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.batch_run import BatchSimulation
     from runner.judging.measures.criticality import Criticality
@@ -49,13 +49,8 @@ _SUSTAINED = 0.5
 _SHORTEST = 0.1
 _LEAST_SHARE = 0.1
 """As in `continuity` and `rows`"""
-_MEASURED = 64
-"""Runs that are measured at once: arrays of them fit into caches"""
-_SEGMENT = 64
-"""Steps whose instants are kept in one array"""
 OPEN = "open"
 """Outcome of a run that the interpreter has to play"""
-_FRAME = ("x", "y", "z", "h", "speed", "s", "t")
 
 
 @dataclass(eq=False)
@@ -68,8 +63,9 @@ class BatchOutcomes:
         end_time: s.
         contact: time (s) of the ego's first contact; infinite without one.
         partner: name of the participant touched; empty without one.
+        measures: of the runs, where they were asked for; of one that is `open` they say nothing.
         names: of all participants, the ego's first.
-        segments: instants of all runs, a stretch of time after the other.
+        segments: instants of all runs, a stretch of time after the other, where they are kept.
         roads: ids of roads by key.
         steps: number of instants of each run.
     """
@@ -79,6 +75,7 @@ class BatchOutcomes:
     end_time: FloatArray
     contact: FloatArray
     partner: Any
+    measures: RunMeasures | None
     names: tuple[str, ...]
     segments: list[Segment] = field(repr=False)
     steps: IntArray
@@ -91,10 +88,10 @@ class BatchOutcomes:
         """Motion of a participant in a run, at all or some of its instants."""
         count = int(self.steps[run])
         rows = np.arange(count)[instants]
-        values, roads = self._kept(name, run, run + 1, count)
-        columns = dict(zip(_FRAME, values[:, 0, rows], strict=True))
+        values, roads = self._kept(self.names.index(name), run, count)
+        columns = dict(zip(FRAME, values[:, rows], strict=True))
         time = np.round(rows * self.dt, 9)
-        keys, inverse = np.unique(roads[0, rows], return_inverse=True)
+        keys, inverse = np.unique(roads[rows], return_inverse=True)
         road = np.array([*map(self.roads.get, keys.tolist()), None], object)[inverse]
         hint = None
         for row in np.flatnonzero(keys[inverse] == 0) if self.network is not None else ():
@@ -105,102 +102,23 @@ class BatchOutcomes:
         about: dict[str, Any] = {"kind": who.kind, "category": who.category, "mass": who.mass}
         return MotionRows(name, who.box, time, road=road, **about, **columns)
 
-    def measured(self, parameters: RssParameters, window: float = 1.0) -> RunMeasures:
-        """Measures of all runs; of one that is `open` they say nothing.
-
-        Args:
-            window: as of `measure_runs`, s.
-        """
-        sizes = np.maximum(self.steps, 1)
-        codes = {road: code for code, road in enumerate(dict.fromkeys(self.roads.values()))}
-        parts = []
-        for first in range(0, len(sizes), _MEASURED):
-            last = min(first + _MEASURED, len(sizes))
-            some = sizes[first:last]
-            ego, *others = (self._rows(name, first, last, some, codes) for name in self.names)
-            parts.append(measure_runs(ego, others, some, parameters, window, self.dt))
-        return RunMeasures.joined(parts)
-
-    def _kept(self, name: str, first: int, last: int, steps: int) -> tuple[FloatArray, IntArray]:
-        """Values (7, k, steps) and keys of roads (k, steps) of a participant in the runs of a
-        range, as far as it lasts."""
-        number = self.names.index(name)
-        shape = last - first, steps
-        values, roads = np.zeros((len(_FRAME), *shape)), np.zeros(shape, np.int64)
+    def _kept(self, number: int, run: int, steps: int) -> tuple[FloatArray, IntArray]:
+        """Values (7, steps) and keys of roads (steps,) of a participant in a run."""
+        values, roads = np.zeros((len(FRAME), steps)), np.zeros(steps, np.int64)
         for part in self.segments:
-            low, high = np.searchsorted(part.at, [first, last])
-            until = min(part.first + part.count, steps)
-            if low == high or until <= part.first:
+            column = int(np.searchsorted(part.at, run))
+            if part.first >= steps or column == len(part.at) or part.at[column] != run:
                 continue
-            rows: Any = part.at[low:high] - first
-            if high - low == last - first:
-                rows = slice(None)
-            there, kept = slice(part.first, until), slice(until - part.first)
-            values[:, rows, there] = part.values[number][:, kept, low:high].transpose(0, 2, 1)
-            roads[rows, there] = part.roads[number][kept, low:high].T
+            there = slice(part.first, min(part.first + part.count, steps))
+            kept = slice(there.stop - part.first)
+            values[:, there] = part.values[number, :, kept, column]
+            roads[there] = part.roads[number, kept, column]
         return values, roads
-
-    def _rows(
-        self, name: str, first: int, last: int, sizes: IntArray, codes: Mapping[str, int]
-    ) -> MotionRows:
-        """Rows of a participant in the runs of a range, one after the other, with codes of roads
-        for their ids."""
-        steps = np.arange(int(sizes.max()))
-        values, roads = self._kept(name, first, last, len(steps))
-        there = steps < sizes[:, None]
-        columns = {name: part[there] for name, part in zip(_FRAME, values, strict=True)}
-        keys, inverse = np.unique(roads[there], return_inverse=True)
-        known = [codes.get(self.roads.get(key, ""), -1) for key in keys.tolist()]
-        road: Any = np.array(known)[inverse]
-        number, hint = np.broadcast_to(steps, there.shape)[there], None
-        for row in np.flatnonzero(road < 0) if self.network is not None else ():
-            hint = None if number[row] == 0 else hint
-            x, y, z, h = (float(columns[axis][row]) for axis in "xyzh")
-            hint = self.network.locate(x, y, z, h, hint)
-            road[row], columns["s"][row], columns["t"][row] = codes[hint.road_id], hint.s, hint.t
-        time = np.round(number * self.dt, 9)
-        return MotionRows(name, self.declared[name].box, time, road=road, **columns)
 
     def criticality(self, run: int) -> Criticality:
         """Measures of a run."""
         ego, *others = (self.motion(name, run) for name in self.names)
         return criticality(ego, others)
-
-
-@dataclass(eq=False)
-class Segment:
-    """Instants of the same runs, at most `_SEGMENT` of them.
-
-    Args:
-        first: step of the first one.
-        at: numbers of the runs, ascending (k,).
-        participants: number of them.
-
-    Attributes:
-        count: instants that it has.
-        values: of each participant: x, y, z, h, speed, s, t (7, `_SEGMENT`, k).
-        roads: keys of roads of each participant (`_SEGMENT`, k).
-    """
-
-    first: int
-    at: IntArray
-    participants: int
-    count: int = 0
-    values: list[FloatArray] = field(init=False)
-    roads: list[IntArray] = field(init=False)
-
-    def __post_init__(self) -> None:
-        shape = _SEGMENT, len(self.at)
-        everyone = range(self.participants)
-        self.values = [np.empty((len(_FRAME), *shape)) for _ in everyone]
-        self.roads = [np.empty(shape, np.int64) for _ in everyone]
-
-    def put(self, number: int, rows: EntityRows, step: int, some: Any = slice(None)) -> None:
-        """Keep where a participant is at an instant, in all or some of the runs."""
-        place = step - self.first
-        for values, name in zip(self.values[number], _FRAME, strict=True):
-            values[place, some] = getattr(rows, name)[some]
-        self.roads[number][place, some] = rows.road_key[some]
 
 
 class _Seen(RunRows):
@@ -229,11 +147,26 @@ class BatchJudge:
         sets: of the runs, ascending (n,).
         system: whether a system under test drives the ego.
         reserve: least reserve at the end of a run, as `runner.judging.evidence.rows` has it.
+        measuring: choice of measures; None for none.
+        keeps: whether the instants of all runs are kept: for comparisons, as they need much memory.
     """
 
     def __init__(
-        self, scenario: Scenario, sets: IntArray, system: bool, reserve: float = 1.0
+        self,
+        scenario: Scenario,
+        sets: IntArray,
+        system: bool,
+        reserve: float = 1.0,
+        measuring: Measuring | None = None,
+        keeps: bool = False,
     ) -> None:
+        self._measuring, self._keeps = measuring, keeps
+        self._measures: BatchMeasures | None = None
+        self._part: Segment | None = None
+        self._spare: list[tuple[FloatArray, IntArray]] = []
+        """memory of segments that are measured"""
+        self._last: tuple[IntArray, FloatArray]
+        """runs (k,) of the segment before, and x, y of everyone at its end (p, 2, k)"""
         self._reserve = reserve
         self._scenario, self._sets, self._system = scenario, sets, system
         n = len(sets)
@@ -263,15 +196,65 @@ class BatchJudge:
 
     def step(self, run: BatchSimulation) -> None:
         """Keep an instant, and look at what evidence is counted from."""
-        ego, *others = _everyone(run)
-        part = self._segments[-1] if self._segments else None
-        if part is None or part.count == _SEGMENT or len(part.at) != run.n:
-            part = Segment(run.step_index, self._at(run), 1 + len(others))
+        everyone = _everyone(run)
+        part = self._part
+        if part is None or part.count == SEGMENT or len(part.at) != run.n:
+            self._close(run)
+            part = self._part = self._segment(run, len(everyone))
+        place, part.count = part.count, part.count + 1
+        for number, entity in enumerate(everyone):
+            self._put(part, place, number, entity)
+        self._look(run, everyone[1:])
+
+    def _segment(self, run: BatchSimulation, participants: int) -> Segment:
+        n = len(self._sets)
+        if self._spare:
+            values, roads = self._spare.pop()
+        else:
+            size = participants * SEGMENT * (run.n if self._keeps else n)
+            values, roads = np.empty(size * len(FRAME)), np.empty(size, np.int64)
+        shape = participants, len(FRAME), SEGMENT, run.n
+        count = math.prod(shape)
+        return Segment(
+            run.step_index,
+            self._at(run),
+            values[:count].reshape(shape),
+            roads[: count // len(FRAME)].reshape(participants, SEGMENT, run.n),
+        )
+
+    @staticmethod
+    def _put(
+        part: Segment, place: int, number: int, rows: EntityRows, some: Any = slice(None)
+    ) -> None:
+        """Keep where a participant is at an instant, in all or some of the runs."""
+        for values, name in zip(part.values[number], FRAME, strict=True):
+            values[place, some] = getattr(rows, name)[some]
+        part.roads[number, place, some] = rows.road_key[some]
+
+    def _close(self, run: BatchSimulation) -> None:
+        """End the present segment: it is measured, or kept."""
+        part = self._part
+        if part is None:
+            return
+        self._last = part.at, part.values[:, :2, part.count - 1].copy()
+        if self._keeps:
             self._segments.append(part)
-        for number, entity in enumerate((ego, *others)):
-            part.put(number, entity, run.step_index)
-        part.count += 1
-        self._look(run, others)
+            part = replace(part, values=part.values.copy(), roads=part.roads.copy())
+        if self._measuring is None:
+            if not self._keeps:
+                self._spare.append(_memory(part))
+            return
+        if self._measures is None:
+            boxes = [entity.box for entity in _everyone(run)]
+            self._measures = BatchMeasures(
+                len(self._sets), boxes, _road_names(run), run.roads.network, self._measuring, run.dt
+            )
+        going = np.zeros(len(self._sets), bool)
+        going[self._at(run)[run.going]] = True
+        sizes = np.where(going & (self._steps == 0), ENDLESS, self._steps)
+        for measured in self._measures.add(part, sizes):
+            if not self._keeps:
+                self._spare.append(_memory(measured))
 
     def _look(self, run: BatchSimulation, others: list[EntityRows]) -> None:
         """Look at what evidence is counted from."""
@@ -313,15 +296,16 @@ class BatchJudge:
 
     def _look_for_jumps(self, run: BatchSimulation, everyone: list[EntityRows]) -> None:
         """Leave runs to the interpreter in which someone was put elsewhere within the step."""
-        part = self._segments[-1]
+        part = self._part
+        assert part is not None
+        places = part.values[:, :2]
         for number, entity in enumerate(everyone):
-            now = part.values[number][:2, part.count - 1]
+            now = places[number, :, part.count - 1]
             if part.count > 1:
-                before = part.values[number][:2, part.count - 2]
+                before = places[number, :, part.count - 2]
             else:
-                earlier = self._segments[-2]
-                kept = np.searchsorted(earlier.at, part.at)
-                before = earlier.values[number][:2, earlier.count - 1][:, kept]
+                at, last = self._last
+                before = last[number][:, np.searchsorted(at, part.at)]
             along, aside = now - before
             far = np.abs(along) + np.abs(aside) > JUMP  # never less than the way
             if far.any():
@@ -330,18 +314,20 @@ class BatchJudge:
 
     def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
         """Show entities where actions have put them at the last instant."""
-        part = self._segments[-1]
+        part = self._part
+        assert part is not None
         for number, entity in enumerate(_everyone(run)):
             if entity.name in put:
-                x, y, z = part.values[number][:3, part.count - 1]
+                x, y, z = part.values[number, :3, part.count - 1]
                 way = np.linalg.norm([entity.x - x, entity.y - y, entity.z - z], axis=0)
                 self._seen.doubt |= put[entity.name] & (way > JUMP) & (run.step_index > 0)
-                part.put(number, entity, run.step_index, put[entity.name])
+                self._put(part, part.count - 1, number, entity, put[entity.name])
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""
         rows, seen = np.flatnonzero(ended), self._seen
-        at = self._segments[-1].at[rows]
+        assert self._part is not None
+        at = self._part.at[rows]
         contact, finished = run.first_contact[rows], run.finished[rows]
         failed = contact < math.inf
         self._steps[at], self._contact[at] = run.step_index + 1, contact
@@ -401,12 +387,16 @@ class BatchJudge:
     def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
         """Outcomes of the runs, once all are over."""
         everyone = _everyone(run)
+        self._close(run)
+        self._part = None
+        measured = self._measures
         return BatchOutcomes(
             self._outcome,
             self._status,
             np.round(np.maximum(self._steps - 1, 0) * run.dt, 9),
             self._contact,
             self._partner,
+            None if measured is None else measured.result(self._steps),
             tuple(entity.name for entity in everyone),
             self._segments,
             self._steps,
@@ -427,6 +417,13 @@ def _aloft(run: BatchSimulation, entity: EntityRows) -> BoolArray:
         pose = (float(getattr(entity, name)[row]) for name in "xyzh")
         found[row] = abs(above_road(network, *pose)) > ALOFT
     return found
+
+
+def _memory(part: Segment) -> tuple[FloatArray, IntArray]:
+    """The arrays that a segment's are parts of."""
+    values: Any = part.values.base
+    roads: Any = part.roads.base
+    return values, roads
 
 
 def _everyone(run: BatchSimulation) -> list[EntityRows]:
