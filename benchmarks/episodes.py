@@ -2,7 +2,7 @@
 time of one goes.
 
     python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
-    python benchmarks/episodes.py [SCENARIO] --plays N [--sut NAME]
+    python benchmarks/episodes.py [SCENARIO] --plays N [--sut NAME] [--processes N]
 
 Points are drawn uniformly from the scenario's parameter space. The parts are measured in one
 process by a clock of its processor time around each of them; the clock itself costs a little, which
@@ -12,6 +12,7 @@ is in the rest.
 from __future__ import annotations
 
 import argparse
+import os
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -107,14 +108,26 @@ def parts(scenario: Path, space: Space, theta: np.ndarray, timestep: float) -> N
     print(f"    {(seconds - outer / len(theta)) * 1e3:6.2f} ms  rest")
 
 
-def played(scenario: Path, space: Space, theta: np.ndarray, timestep: float, sut: str) -> None:
+def played(
+    scenario: Path, space: Space, theta: np.ndarray, timestep: float, sut: str, processes: int
+) -> None:
     """Play all points in arrays."""
-    play = ArrayPlays(scenario, space, RunSettings(timestep=timestep, sut=sut))
-    start = process_time()
+    run = RunSettings(timestep=timestep, sut=sut)
+    play = ArrayPlays(scenario, space, run, processes=processes)
+    start, clock = _processor_time(), perf_counter()
     found = play(theta)
-    rate = len(theta) / (process_time() - start)
-    print(f"{len(theta)} plays with {sut}: {rate:.0f} a second of processor time")
+    spent, seconds = _processor_time() - start, perf_counter() - clock
+    print(
+        f"{len(theta)} plays with {sut}, {processes} processes: {len(theta) / spent:.0f} a second of "
+        f"processor time, {len(theta) / seconds:.0f} by the clock"
+    )
     print(f"    {found.end_time.mean():.1f} simulated s each, {found.collision.sum()} collisions")
+
+
+def _processor_time() -> float:
+    """Processor time of this process and of those that it has ended, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def main() -> None:
@@ -130,7 +143,7 @@ def main() -> None:
     space = Space.of(options.scenario)
     if options.plays:
         theta = space.draw(options.plays, np.random.default_rng(0))
-        played(options.scenario, space, theta, options.timestep, options.sut)
+        played(options.scenario, space, theta, options.timestep, options.sut, options.processes)
         return
     theta = space.draw(options.episodes, np.random.default_rng(0))
     whole(options.scenario, space, theta, options.timestep, options.processes)

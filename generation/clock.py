@@ -16,8 +16,8 @@ SEARCHED = 0.7
 _MINUTE, _PART = 60.0, 50
 _BLOCK = 1024
 """Points that drivers run between two looks at the clock"""
-PLAYED = 8192
-"""Points that are played in arrays between two looks at the clock"""
+PLAYED = 16_384
+"""Points that a process plays in arrays between two looks at the clock"""
 _DRIVERS = 8
 """Runs that an edge case takes: judges, other reference drivers, its replay"""
 

@@ -209,7 +209,9 @@ def generate(
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget, judges included
         plays = _plays(scenario, space, settings)
-        screen = None if plays is None else Counting(clock.limited(plays, PLAYED))
+        screen = (
+            None if plays is None else Counting(clock.limited(plays, PLAYED * settings.processes))
+        )
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = _drivers(scenario, space, out, settings, evaluator)
         asked = clock.limited(counted_drivers(drivers, progress))
@@ -492,7 +494,7 @@ def _drivers(
 def _plays(scenario: Path, space: Space, settings: SearchSettings) -> ArrayPlays | None:
     """Plays of a scenario in arrays; None where it, its system or a setting does not play so."""
     with suppress(Unsupported):
-        return ArrayPlays(scenario, space, settings.run, settings.rss)
+        return ArrayPlays(scenario, space, settings.run, settings.rss, processes=settings.processes)
     return None
 
 

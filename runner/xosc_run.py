@@ -145,7 +145,7 @@ def _outcomes(
     if in_arrays:
         from runner.batch.arrays import Together
 
-        together = Together(chosen, settings, batch.out, tell)
+        together = Together(chosen, settings, batch.out, tell, batch.jobs)
     outcomes = run_batch(
         chosen if together is None else iter(together),
         settings,

@@ -4,15 +4,17 @@ simulator."""
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from generation.search.outcomes import NOTHING, RISK_WINDOW, Outcomes, episode
+from generation.search.outcomes import NOTHING, RISK_WINDOW, Outcomes, episode, joined
 from generation.space.space import Space
-from runner.batch.arrays import obstacle, play, structures
+from runner.batch.arrays import BLOCK, obstacle, play, structures
 from runner.batch.jobs import Job
+from runner.batch.pool import Workers, results
 from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
 from runner.judging.measures.runs import Measuring
@@ -38,6 +40,7 @@ class ArrayPlays:
         run: settings of the runs.
         rss: the RSS parameter set of risk.
         fast: whether a scenario of which much is done run by run is refused: it is no faster.
+        processes: how many play at a time; the outcomes are the same for any number.
 
     Raises:
         Unsupported: the scenario, its system under test or a setting plays in single runs only, or
@@ -52,9 +55,11 @@ class ArrayPlays:
         run: RunSettings | None = None,
         rss: str = "ad-rss",
         fast: bool = True,
+        processes: int = 1,
     ) -> None:
         run = run or RunSettings()
         self._scenario, self._space, self._rss = scenario, space, rss
+        self._processes = processes
         # Measures are those of the whole encounter, as in `outcomes._episode`.
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
@@ -74,32 +79,44 @@ class ArrayPlays:
             Unsupported: it can't be asked for many points at once.
         """
         settings = self._run if sut is None else replace(self._run, sut=sut)
-        # An end shortly before a contact counts as an episode: its measures say how near it came.
-        asked = replace(settings, least=("reserve=0", *settings.least))
         sets = [self._values(row) for row in theta]
-        columns = {name: np.array([value] * len(sets)) for name, value in NOTHING.items()}
-        columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
-        known = np.zeros(len(sets), bool)
-        measuring = Measuring(parameter_set(self._rss), RISK_WINDOW)
-        # Sets that differ in more than numbers are compiled apart.
-        for structure in structures(self._scenario, sets, asked) if sets else ():
-            for block in play(structure, asked, measuring):
-                done = block.outcomes.outcome != OPEN
-                rows = block.members[done]
-                known[rows] = True
-                for name, values in _columns(block.outcomes).items():
-                    columns[name][rows] = values[done]
-        # Left open by the arrays: a remark that makes a run inconclusive, or an error, which the
-        # interpreter tells with file and line.
-        for row in np.flatnonzero(~known):
-            job = Job(str(row), self._scenario, self._scenario, sets[row])
-            for name, value in episode(job, settings, self._rss).items():
-                columns[name][row] = value
-        return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
+        # Parts are the same for any number of processes: a part has its own structures.
+        parts = [sets[first : first + BLOCK] for first in range(0, len(sets), BLOCK)]
+        work = partial(_played, self._scenario, settings, self._rss)
+        alone = len(parts) < 2 or not isinstance(settings.sut, str | None)
+        with results(work, parts, Workers(1 if alone else self._processes)) as found:
+            return joined([Outcomes.of(0), *found])
 
     def _values(self, row: FloatArray) -> dict[str, str]:
         values = {**self._space.pinned, **self._space.values(row)}
         return {name: str(value) for name, value in values.items()}
+
+
+def _played(
+    scenario: Path, settings: RunSettings, rss: str, sets: list[dict[str, str]]
+) -> Outcomes:
+    """Outcomes of parameter sets of a scenario, in their order."""
+    # An end shortly before a contact counts as an episode: its measures say how near it came.
+    asked = replace(settings, least=("reserve=0", *settings.least))
+    columns = {name: np.array([value] * len(sets)) for name, value in NOTHING.items()}
+    columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
+    known = np.zeros(len(sets), bool)
+    measuring = Measuring(parameter_set(rss), RISK_WINDOW)
+    # Sets that differ in more than numbers are compiled apart.
+    for structure in structures(scenario, sets, asked):
+        for block in play(structure, asked, measuring):
+            done = block.outcomes.outcome != OPEN
+            rows = block.members[done]
+            known[rows] = True
+            for name, values in _columns(block.outcomes).items():
+                columns[name][rows] = values[done]
+    # Left open by the arrays: a remark that makes a run inconclusive, or an error, which the
+    # interpreter tells with file and line.
+    for row in np.flatnonzero(~known):
+        job = Job(str(row), scenario, scenario, sets[row])
+        for name, value in episode(job, settings, rss).items():
+            columns[name][row] = value
+    return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
 
 
 def _columns(outcomes: BatchOutcomes) -> dict[str, Any]:

@@ -10,14 +10,17 @@ import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from heapq import heappop, heappush
+from itertools import compress, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import xosc
 from runner.batch.jobs import CODES, Job, Outcome
+from runner.batch.pool import Workers, results
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.compile.road_network import load_roads
 from runner.engine.motion.rss import parameter_set
@@ -239,6 +242,7 @@ class Together:
         settings: of the runs.
         out: folder for `sets.parquet`, a row for each set that was played in arrays; None for none.
         tell: called with a line on what is left to the interpreter, and with the sum.
+        processes: how many play at a time.
     """
 
     def __init__(
@@ -247,8 +251,10 @@ class Together:
         settings: RunSettings,
         out: Path | None,
         tell: Callable[[str], None],
+        processes: int = 1,
     ) -> None:
         self._jobs, self._settings, self._out, self._tell = jobs, settings, out, tell
+        self._processes = processes
         self._single: set[Path] = set()
         """scenarios that do not play in arrays"""
         self._failed: set[str] = set()
@@ -259,11 +265,9 @@ class Together:
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         try:
-            for chunk in _chunks(self._jobs):
-                if isinstance(chunk, Outcome):
-                    yield chunk
-                else:
-                    yield from self._settle(chunk)
+            chunks = _chunks(self._jobs)
+            while group := [*islice(chunks, self._processes)]:
+                yield from self._settle(group)
             yield from (outcome.job for _, _, outcome in sorted(self._near, key=lambda e: e[1]))
         finally:
             if self._writer is not None:
@@ -281,35 +285,35 @@ class Together:
         )
         self._tell(f"{told}, of which {self.disagreements} did not fail one by one")
 
-    def _settle(self, jobs: list[Job]) -> Iterator[Job | Outcome]:
+    def _settle(self, chunks: list[list[Job] | Outcome]) -> Iterator[Job | Outcome]:
+        """Play some chunks, each in a process of its own, and go through them in their order."""
+        asked = [
+            not isinstance(chunk, Outcome) and chunk[0].scenario not in self._single
+            for chunk in chunks
+        ]
+        tasks: list[Any] = [*compress(chunks, asked)]
+        alone = len(tasks) < 2 or not isinstance(self._settings.sut, str | None)
+        workers = Workers(1 if alone else self._processes)
+        with results(partial(_measured, self._settings), tasks, workers) as found:
+            answers = iter([*found])
+        for chunk, is_asked in zip(chunks, asked, strict=True):
+            if isinstance(chunk, Outcome):
+                yield chunk
+            elif is_asked:
+                yield from self._sort(chunk, next(answers))
+            else:
+                yield from chunk
+
+    def _sort(self, jobs: list[Job], answer: _Answer) -> Iterator[Job | Outcome]:
+        """Tell sets that passed in arrays from those that are left to the interpreter."""
         path = jobs[0].scenario
-        if path in self._single:
-            yield from jobs
-            return
-        seed = jobs[0].seed
-        settings = self._settings if seed is None else replace(self._settings, seed=seed)
-        known: dict[int, dict[str, Any]] = {}
-        try:
-            if current().bounded:
-                raise NotInArrays(
-                    "runs with limits of memory or time are in processes of their own"
-                )
-            for structure in structures(path, [job.parameters for job in jobs], settings):
-                for block in play(structure, settings, Measuring(parameter_set("ad-rss"))):
-                    measures = block.outcomes.measures
-                    assert measures is not None
-                    known |= {
-                        number: _measures(block.outcomes, measures, at)
-                        for at, number in enumerate(block.members.tolist())
-                    }
-        except (NotInArrays, Unsupported) as error:
+        if answer.single and path not in self._single:
             self._single.add(path)
-            self._tell(f"{path}: not in arrays: {error}")
-        except ToolchainError:  # the interpreter names what is wrong with which set
-            self._single.add(path)
+            if answer.reason:
+                self._tell(f"{path}: not in arrays: {answer.reason}")
         rows = []
         for number, job in enumerate(jobs):
-            row = known.get(number)
+            row = answer.rows.get(number)
             if row is None:
                 yield job
                 continue
@@ -350,6 +354,38 @@ class Together:
             self._out.mkdir(parents=True, exist_ok=True)
             self._writer = pq.ParquetWriter(self._out / SETS, schema)
         self._writer.write_table(pa.Table.from_pylist(rows, schema))
+
+
+class _Answer(NamedTuple):
+    """Columns of the sets of a chunk that were played in arrays, by their numbers; whether its
+    scenario is to be played in single runs only, and the reason."""
+
+    rows: dict[int, dict[str, Any]]
+    single: bool = False
+    reason: str = ""
+
+
+def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
+    """Play jobs of one scenario and seed in arrays."""
+    path, seed = jobs[0].scenario, jobs[0].seed
+    settings = settings if seed is None else replace(settings, seed=seed)
+    known: dict[int, dict[str, Any]] = {}
+    try:
+        if current().bounded:
+            raise NotInArrays("runs with limits of memory or time are in processes of their own")
+        for structure in structures(path, [job.parameters for job in jobs], settings):
+            for block in play(structure, settings, Measuring(parameter_set("ad-rss"))):
+                measures = block.outcomes.measures
+                assert measures is not None
+                known |= {
+                    number: _measures(block.outcomes, measures, at)
+                    for at, number in enumerate(block.members.tolist())
+                }
+    except (NotInArrays, Unsupported) as error:
+        return _Answer(known, True, str(error))
+    except ToolchainError:  # the interpreter names what is wrong with which set
+        return _Answer(known, True)
+    return _Answer(known)
 
 
 def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from generation.search import plays as module
 from generation.search.outcomes import FULL_BRAKING, NOTHING, Outcomes, episode
 from generation.search.plays import ArrayPlays
 from generation.space.space import Space
@@ -77,6 +78,16 @@ def test_outcomes_do_not_depend_on_what_is_played_beside() -> None:
     for each in fields(Outcomes):
         np.testing.assert_array_equal(getattr(whole, each.name)[20:30], getattr(part, each.name))
     assert len(plays(theta[:0])) == 0
+
+
+def test_outcomes_are_those_of_any_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BLOCK", 15)
+    space = Space.of(CUT_IN)
+    theta = space.draw(40, np.random.default_rng(2))
+    one, two = (ArrayPlays(CUT_IN, space, settings("cas"), processes=n)(theta) for n in (1, 2))
+    for each in fields(Outcomes):
+        np.testing.assert_array_equal(getattr(one, each.name), getattr(two, each.name))
+    assert len(two) == 40
 
 
 def test_a_class_of_the_users_is_asked_for_all_points_at_once(tmp_path: Path) -> None:

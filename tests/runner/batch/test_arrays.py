@@ -13,6 +13,7 @@ import pytest
 
 import runner
 from benchmarks.arrays import compare, differences, drawn, played, scenario_of
+from runner.batch import arrays
 from runner.batch.arrays import NEAREST, Together, obstacle, structures
 from runner.batch.batch import run_batch, runnable
 from runner.batch.jobs import Outcome, jobs_of
@@ -190,6 +191,21 @@ def test_a_batch_in_arrays_has_the_verdicts_of_one_by_one_and_records_few(tmp_pa
         f"{20 - len(failed)} sets passed in arrays, kinematically, {len(failed)} failed there, "
         "of which 0 did not fail one by one"
     ]
+
+
+def test_sets_in_several_processes_have_the_outcomes_of_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arrays, "_CHUNK", 7)
+    variation = tmp_path / "gaps.xosc"
+    variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
+    found = []
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        source = jobs_of([variation], {}, True)
+        together = Together(source, settings("cas"), out, lambda line: None, processes)
+        found.append((list(together), pq.read_table(out / "sets.parquet").to_pylist()))
+    assert found[0] == found[1] and len(found[0][1]) == 20
 
 
 def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> None:
