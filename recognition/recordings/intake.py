@@ -28,9 +28,9 @@ _SPREAD = 0.1
 """Quartiles of that ratio are within this share of its median where one factor (a wrong step or
 unit) explains it"""
 MOVED = 1.0
-"""Least way in a second (m) of motion that is compared"""
+"""Least way (m) of motion that is compared"""
 _FACING = 3.0
-"""Least way in a second (m) whose direction is compared with headings"""
+"""Least way (m) whose direction is compared with headings"""
 _UNITS = {"km/h": 3.6, "mph": 2.23694, "ft/s": 3.28084, "knots": 1.94384}
 """Speeds in other units than m/s are so many times as high"""
 _ALIKE = 0.02
@@ -42,7 +42,7 @@ _FASTEST = {
 """Speed (m/s) above which hardly any of a category moves: a bicycle downhill, a sprinting
 pedestrian"""
 _HARDEST = 12.0
-"""Change of speed in a second, m/s², that no road vehicle reaches: dry tyres transmit 10"""
+"""Change of speed over time, m/s², that no road vehicle reaches: dry tyres transmit 10"""
 _SHARE = 0.2
 """Greatest share of rows or tracks that may fail a check in a recording that is not refused"""
 _SOME = 0.5
@@ -100,7 +100,7 @@ class _Rows(NamedTuple):
 
 
 class _Second(NamedTuple):
-    """Motion within about a second from rows (n,): row, row at the end, time (s), way (m)."""
+    """Motion within about a second (`steps_compared`) from rows (n,): row, row at the end, time (s), way (m)."""
 
     here: IntArray
     there: IntArray
@@ -108,9 +108,15 @@ class _Second(NamedTuple):
     way: FloatArray
 
 
+def steps_compared(step: float, longest: int) -> int:
+    """Steps (of `step` s) over which motion is compared: a second, or the longest track if that is
+    shorter (steps)."""
+    return max(min(round(1.0 / step), longest), 1)
+
+
 def _seconds(rows: _Rows, step: float) -> _Second:
     """The motion of each row for a second, of those that have rows for that long."""
-    ahead = max(round(1.0 / step), 1)
+    ahead = steps_compared(step, int(np.bincount(rows.track, minlength=1).max()) - 1)
     here = np.arange(max(len(rows.track) - ahead, 0))
     there = here + ahead
     time = rows.time[there] - rows.time[here]

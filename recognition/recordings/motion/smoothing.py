@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.recordings.intake import MOVED, check_ratio, ratio_of_speeds
+from recognition.recordings.intake import MOVED, check_ratio, ratio_of_speeds, steps_compared
 from recognition.recordings.motion import motion_models
 from recognition.recordings.motion.observations import Bounds, Noise, Observations, deviation
 from recognition.recordings.quality import Check, Cut, Exclusion, Report
@@ -238,7 +238,8 @@ def smoothed(
 def _check_step(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -> Check | None:
     """Compare the stated speeds with those of the centres, independent of headings."""
     x, y = centres(rows, who, columns)
-    ahead, here = max(round(1.0 / rows.step), 1), np.arange(len(rows))
+    here = np.arange(len(rows))
+    ahead = steps_compared(rows.step, int((rows.last - here).max(initial=0)))
     there = np.minimum(here + ahead, rows.last)
     way = np.hypot(x[there] - x, y[there] - y)
     here = np.flatnonzero((there - here == ahead) & (way >= MOVED))

@@ -73,6 +73,20 @@ def test_a_wrong_step_is_refused_in_both_directions_and_the_right_one_is_named(
         source.load()
 
 
+@pytest.mark.parametrize("frames", [4, 10])
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_wrong_step_is_refused_in_recordings_of_less_than_a_second(
+    tmp_path: Path, frames: int, times: float
+) -> None:
+    rows = [
+        row | {"x": 25.0 * int(row["track_id"]) + times * int(row["frame_id"])}
+        for row in traffic(n=frames)
+    ]
+    assert verdict(tmp_path / "sound", traffic(n=frames)) == ("fit", [], 1.0)
+    with pytest.raises(InvalidFile, match=f"a step of {0.1 * times:g} s would fit"):
+        source_of(tmp_path, rows).load()
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("km/h", 3.6), ("mph", 2.23694)])
 def test_speeds_in_other_units_are_named(tmp_path: Path, unit: str, factor: float) -> None:
     found, reasons, _ = verdict(tmp_path, [row | {"vx": 10.0 * factor} for row in traffic()])
