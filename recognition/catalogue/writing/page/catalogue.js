@@ -143,7 +143,8 @@ function exposure() {
     const rows = data.exposure.filter(row => (!site || row.site === site) && (!wanted.class || row.class === wanted.class));
     body.replaceChildren(...rows.map(line));
   };
-  return { node: wide("Exposure", el("table", null, header(heads, 2), body)), draw };
+  const named = heads.map((text, place) => el("th", { scope: "col", class: place < 2 ? "" : "number" }, text));
+  return { node: wideTable("Exposure", named, body), draw };
 }
 
 /** Value of a measure with its unit; null where it is absent. */
@@ -205,7 +206,7 @@ const seen = new IntersectionObserver(entries => {
   }
 });
 
-const cards = el("div", { class: "cards" }),
+const cards = el("div", { class: "films" }),
   end = el("p", { class: "muted" });
 function more() {
   const next = shown.slice(cards.childElementCount, cards.childElementCount + AT_ONCE);
