@@ -43,6 +43,9 @@ _CLOSE, _WEIGHTS = 0.01, np.array([[1.0], [5.0]])
 counts 5 m beside."""
 _KERBED = {"sidewalk", "walking", "curb"}
 """Types of lanes that lie over the road's surface, perhaps."""
+_ROLLED, _LEANED_STEP = 0.03, 2.0
+"""Roll (rad) above which widths from above are no widths of the surface, and distance (m) of the
+places where these are taken."""
 _SIGN_STEP, _TANGENTS, _MOVED = 2.0, 4, 0.1
 """Distance (m) of the places of a road among which that beside a sign is looked up, tangents on
 which it is improved, and distance (m) from the ends of a road that is named."""
@@ -112,10 +115,25 @@ def _raised(built: Built, lanes: Mapping[str, MapLane]) -> Iterator[RoadDesign]:
             order = np.argsort(stations)
             stations, known = stations[order], known[:, order]
         elevation, superelevation = (_profile(stations, values) for values in known)
-        yield replace(
+        over = dict(borders.kerbed(stations, known))
+        raised = replace(
             road, elevation=elevation, superelevation=superelevation,
-            sections=(replace(road.sections[0], lanes=dict(borders.kerbed(stations, known))),),
+            sections=(replace(road.sections[0], lanes=over),),
         )  # fmt: skip
+        yield _leaned(raised) if np.abs(known[1]).max() > _ROLLED else raised
+
+
+def _leaned(road: RoadDesign) -> RoadDesign:
+    """A road with widths as seen from above, with those of its inclined surface instead."""
+    stations = np.linspace(0.0, road.length, places(road.length, _LEANED_STEP))
+    inner = _values(road.offset, stations)
+    share = np.cos(_values(road.superelevation, stations))
+    lanes = {
+        number: replace(lane, width=_profile(stations, _values(lane.width, stations) / share))
+        for number, lane in road.sections[0].lanes.items()
+    }
+    section = replace(road.sections[0], lanes=lanes)
+    return replace(road, offset=_profile(stations, inner / share), sections=(section,))
 
 
 class _LaneBorders:
@@ -149,7 +167,7 @@ class _LaneBorders:
             self.at(self._first, 0, stations), self.at(self._last, 1, stations)
         )  # fmt: skip
         slope = (high - low) / np.maximum(left - right, _NARROWEST)
-        return np.array([high - slope * left, np.arcsin(np.clip(slope, -1.0, 1.0))])
+        return np.array([high - slope * left, np.arctan(slope)])
 
     def kerbed(self, stations: FloatArray, surface: FloatArray) -> Iterator[tuple[int, LaneDesign]]:
         """Each lane with the heights of its borders over the surface, where these are no part of
@@ -159,7 +177,7 @@ class _LaneBorders:
             over = []
             for side in (0, 1):
                 t, height = self.at(number, side, stations)
-                over.append(float(np.median(height - level - t * np.sin(roll))))
+                over.append(float(np.median(height - level - t * np.tan(roll))))
             raised = max(map(abs, over)) > _CLOSE
             yield number, replace(lane, height=(over[0], over[1])) if raised else lane
 
@@ -245,7 +263,7 @@ class _Stations:
             Profile(profile)(s) if profile else 0.0
             for profile in (self._road.elevation, self._road.superelevation)
         )
-        return s, t, level + t * math.sin(roll), pose.heading, abs(beyond)
+        return s, t / math.cos(roll), level + t * math.tan(roll), pose.heading, abs(beyond)
 
 
 def _values(cubics: Sequence[Cubic], stations: FloatArray) -> FloatArray:
@@ -274,7 +292,10 @@ def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:
     for name, lane in lane_map.lanes.items():
         if name not in short | gone:
             following = list(dict.fromkeys(_following(lane_map.lanes, lane, short, gone, 4)))
-            kept[name] = replace(lane, successors=[other for other in following if other != name])
+            ring = name in lane.successors
+            kept[name] = replace(
+                lane, successors=[other for other in following if other != name or ring]
+            )
     return kept, notes
 
 

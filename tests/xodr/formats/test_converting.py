@@ -17,6 +17,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.runner.matrix_case import road
 from xodr.builders.elements import (
+    Clothoid,
     LaneDesign,
     PlanPose,
     RoadDesign,
@@ -295,6 +296,38 @@ def test_lanelet2_keeps_sidewalks_linked_and_lanes_without_traffic_as_areas(
     assert difference.connections == 5 and difference.connections_lost == []
     assert difference.within > 0.98 and difference.types == [] and difference.lost == {}
     assert there.path.read_text(encoding="utf-8").count('v="multipolygon"') == 6
+
+
+def one_road(plan: tuple[Clothoid, ...], ring: bool, roll: float) -> RoadMap:
+    """A road of two lanes, linked to itself or not, that leans to one side (rad)."""
+    width = (Cubic(0.0, 3.0, 0.0, 0.0, 0.0),)
+    lanes = {-number: LaneDesign("driving", width, "solid", -number, -number) for number in (1, 2)}
+    own = [RoadLink("road", "1", at) if ring else None for at in ("end", "start")]
+    road = RoadDesign(
+        "1", "", PlanPose(0.0, 0.0, 0.0), plan, (SectionDesign(0.0, lanes, "none"),), "town", 50 / 3.6,
+        predecessor=own[0], successor=own[1], superelevation=(Cubic(0.0, roll, 0.0, 0.0, 0.0),),
+    )  # fmt: skip
+    return RoadMap("one", (road,))
+
+
+@pytest.mark.parametrize(
+    ("made", "links"),
+    [
+        (one_road((arc(2.0 * math.pi * 40.0, 1 / 40.0),), True, 0.0), 2),
+        (one_road((arc(60.0, 1 / 80.0),), False, math.radians(40.0)), 0),
+    ],
+    ids=["ring", "banked"],
+)
+def test_a_ring_and_a_steep_bank_come_back_where_they_were(
+    made: RoadMap, links: int, tmp_path: Path
+) -> None:
+    """A ring begins where it ends; lanes on a bank are narrower as seen from above."""
+    there = maps.convert(made.write(tmp_path / "one.xodr"), tmp_path / "map.osm")
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    difference = compare(there.source, back.result)
+    assert difference.within > 0.98 and difference.lost == {}
+    assert difference.connections == links and difference.connections_lost == []
+    assert difference.heights.most < 0.05
 
 
 @pytest.mark.parametrize("between", ["lanelet2", "geojson"])

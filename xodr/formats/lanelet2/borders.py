@@ -31,6 +31,8 @@ from xodr.formats.lanelet2.lanelet import (
 )
 from xodr.formats.lanelet2.osm import Osm, OsmWay, Relation
 
+_ALIGNED = 8
+"""Points of both bounds of a lanelet by which these are turned the same way."""
 TOUCHING = 0.1
 """Points that are not farther apart than this are one, m."""
 
@@ -60,8 +62,9 @@ def bounds_of(
     for role, line in (("left", lines[0]), ("right", lines[1])):
         if not lengths(line)[-1] > TOUCHING:
             raise relation.invalid(f"its {role} bound has no length")
-    starts, ends = lines[0][[0, -1]], lines[1][[0, -1]]
-    if np.hypot(*(starts - ends).T).sum() > np.hypot(*(starts - ends[::-1]).T).sum():
+    # Ends alone leave a choice where a lanelet is a ring.
+    along, beside = (resampled(line, _ALIGNED) for line in lines)
+    if np.hypot(*(along - beside).T).sum() > np.hypot(*(along - beside[::-1]).T).sum():
         nodes[1], lines[1] = nodes[1][::-1], lines[1][::-1]
     x, y = np.concatenate([lines[0], lines[1][::-1]]).T
     if (
@@ -124,7 +127,7 @@ def linked(
     found = []
     for index, lane in enumerate(lanes):
         walk, led = lane.type in WALKS, lane.id in directed
-        after = [lanes[other] for other in sorted(following[index]) if other != index]
+        after = [lanes[other] for other in sorted(following[index])]
         right = beside[bounds[index].nodes[1]]
         neighbour = LaneletNeighbour(right[0], True) if right and not walk else None
         onward = tuple(

@@ -283,9 +283,10 @@ def chained(graph: Graph, rows: Layout) -> list[Bundle]:
     heads = [number for number in range(len(rows.bundles)) if number not in set(onward.values())]
     chains = [_chain(head, onward) for head in heads]
     closed = set(range(len(rows.bundles))) - {number for chain in chains for number in chain}
-    while closed:  # rings: they are cut somewhere
+    while closed:  # rings: they are cut somewhere, and once more, since no road leads to itself
         chain = _chain(min(closed), onward)
-        chains.append(chain)
+        half = len(chain) // 2
+        chains += [part for part in (chain[:half], chain[half:]) if part]
         closed -= set(chain)
     parts = [
         part

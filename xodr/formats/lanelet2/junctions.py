@@ -29,6 +29,8 @@ from xodr.formats.lanelet2.lanelet import (
 )
 from xodr.model import Junction
 
+_CLOSED = 0.5
+"""Distance (m) of the ends of a lanelet that is a ring."""
 _LONGEST_CROSSING = 60.0
 """Length up to which lanelets are taken to cross on the same level where they do nothing else, m.
 """
@@ -46,6 +48,7 @@ _LARGEST_SHARE = 0.8
 
 def layout(graph: Graph) -> tuple[Graph, Layout]:
     """The roads that a map of lanelets consists of, and the lanelets that they are made of."""
+    graph = _opened(graph)
     rows = joined(graph, [Bundle(tuple((name,) for name in row)) for row in graph.rows()])
     whole, cuts = _inside(graph, rows)
     inside = {name for number in whole for name in rows.bundles[number].first}
@@ -56,6 +59,22 @@ def layout(graph: Graph) -> tuple[Graph, Layout]:
     parts.notes[:0] = graph.notes
     marked = [Bundle(tuple((name,) for name in row), row[0] in inside) for row in parts.rows()]
     return parts, joined(parts, chained(parts, joined(parts, marked)))
+
+
+def _opened(graph: Graph) -> Graph:
+    """The lanelets with rings cut in two: a lane across which its start and its end lie has no
+    place of its own for either."""
+    table = graph.canonical()
+    for row in graph.rows():
+        lanelets = [table[name] for name in row]
+        line = middle(lanelets[0].left, lanelets[-1].right)
+        if np.hypot(*(line[-1] - line[0])) < _CLOSED:
+            split(table, lanelets, frame_at(line, lengths(line)[-1] / 2))
+    if len(table) == len(graph.lanelets):
+        return graph
+    opened = Graph(list(table.values()))
+    opened.notes[:0] = graph.notes
+    return opened
 
 
 def _inside(graph: Graph, rows: Layout) -> tuple[set[int], dict[int, bool]]:

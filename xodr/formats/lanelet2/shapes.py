@@ -142,8 +142,12 @@ class Borders:
         lines = []
         for index, line in enumerate(self.own(number)):
             lane = max(index - 1, 0)
-            parts = [self._side(before[lane], index), line, self._side(after[lane], index)]
-            lines.append(prolonged(joined([part for part in parts if part is not None])))
+            first, last = (self._side(name, index) for name in (before[lane], after[lane]))
+            if first is not None and last is not None and before[lane] == after[lane]:
+                # Of a ring of two each half is before and after the other: no place comes twice.
+                first, last = first[len(first) // 2 :], last[: len(last) // 2 + 1]
+            parts = [part for part in (first, line, last) if part is not None]
+            lines.append(prolonged(joined(parts)))
         return lines
 
     def middle(self, number: int) -> Points:
