@@ -66,10 +66,14 @@ _COLUMNS: dict[str, Kind] = {
     "x": "number", "y": "number", "vx": "number", "vy": "number",
 }  # fmt: skip
 _SIZES = ("length", "width")
+_HEADINGS = ("psi_rad", "yaw_rad")
+"""Columns of headings, the first that is there"""
+_OF_ANOTHER = ("Ped_smoothed_tracks.csv",)
+"""Files that the recording of a file of vehicles brings (SinD)"""
 _BOX: dict[str, Kind] = {"psi_rad": "optional", **dict.fromkeys(_SIZES, "optional")}
 _CATEGORIES = {
     "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
-    "motorcycle": "motorbike", "motorbike": "motorbike",
+    "motorcycle": "motorbike", "motorbike": "motorbike", "tricycle": "motorbike",
     "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
 }  # fmt: skip
 _FULL_TURN = 7.0
@@ -84,7 +88,7 @@ _DOUBT = 0.05
 
 def claims(path: Path) -> bool:
     """Whether a file is the (main) track file of recordings."""
-    if path.suffix != ".csv":
+    if path.suffix != ".csv" or path.name in _OF_ANOTHER:
         return False
     named = _FIRST_LAYOUT.fullmatch(path.name)
     if named:
@@ -111,13 +115,13 @@ def sources(path: Path, roads: Path) -> list[Source]:
                 path,
                 partial(_read_case, path, case),
                 lanelets,
-                road=_road(lanelets, None, False),
+                road=made_of(lanelets, None, False),
             )
             for case, name in names.items()
         ]
     number = named[2] if named else ""
     name, origin = f"{site}/{number}" if named else path.stem, _origin(path, number)
-    road = _road(lanelets, origin, bool(named) and _has_phases(path.parent))
+    road = made_of(lanelets, origin, bool(named) and _has_phases(path.parent))
     return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
 
 
@@ -131,11 +135,16 @@ def _has_phases(folder: Path) -> bool:
     )
 
 
-def _road(
+def made_of(
     lanelets: Path | None, origin: tuple[float, float] | None, signalised: bool
 ) -> Callable[[Recording, Path], SiteRoad] | None:
-    """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files
-    with their phases."""
+    """Makes the road of a Lanelet2 map, if there is one.
+
+    Args:
+        lanelets: the map.
+        origin: latitude and longitude (degrees) of the origin of its coordinates, if known.
+        signalised: whether phases of traffic lights were recorded: maps often lack the lights.
+    """
     return (
         None
         if lanelets is None
@@ -210,11 +219,18 @@ def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
 def _tracks(
     table: Table, step: float, taken: frozenset[str] = frozenset()
 ) -> tuple[list[Track], Report]:
+    return tracks_of(
+        table, Clock("timestamp_ms", table["timestamp_ms"], _MILLISECONDS, step), taken
+    )
+
+
+def tracks_of(
+    table: Table, clock: Clock, taken: frozenset[str] = frozenset()
+) -> tuple[list[Track], Report]:
     """Tracks of a table, with names unlike those `taken`."""
     row_names = [name.removesuffix(".0") for name in table["track_id"]]
     number = {name: index for index, name in enumerate(dict.fromkeys(row_names))}
     track = np.fromiter((number[name] for name in row_names), np.int64, len(table))
-    clock = Clock("timestamp_ms", table["timestamp_ms"], _MILLISECONDS, step)
     rows = in_order(table, track, clock, names=list(number), repeats=True)
     names = [_free(name, taken, number) for name in number]
     kinds = categories(table, "agent_type", _CATEGORIES)
@@ -305,11 +321,10 @@ def _headings(
     table: Table, rows: Rows, who: list[TrackParticipant], vx: FloatArray, vy: FloatArray
 ) -> FloatArray:
     """The given headings; for pedestrians without, the direction of motion."""
-    given = (
-        table["psi_rad"][rows.order] if "psi_rad" in table.columns else np.full(len(rows), np.nan)
-    )
+    column = next((name for name in _HEADINGS if name in table.columns), None)
+    given = table[column][rows.order] if column is not None else np.full(len(rows), np.nan)
     absent = np.isnan(given)
     wrong = np.flatnonzero(absent & rows.each([one.kind != "pedestrian" for one in who]))
     if len(wrong):
-        raise table.fault(int(rows.order[wrong[0]]), "psi_rad", "a value is missing")
+        raise table.fault(int(rows.order[wrong[0]]), column or "psi_rad", "a value is missing")
     return np.where(absent, heading_of_motion(vx, vy, rows), given)
