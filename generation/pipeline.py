@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,7 @@ from generation.search.outcomes import (
 from generation.search.plays import ArrayPlays
 from generation.search.problem import (
     Counting,
+    Guidance,
     History,
     Memory,
     Realism,
@@ -108,6 +109,7 @@ class Generated:
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
         judged: verdicts on failures during the search; none where plays give them.
+        guidance: guided runs and draws of the search, and whether it ended as nothing new failed.
     """
 
     space: Space
@@ -127,6 +129,7 @@ class Generated:
     domain: Domain = EVERYWHERE
     cut: bool = False
     judged: JudgeCounts = NOT_JUDGED
+    guidance: Guidance = field(default_factory=Guidance)
     bound: DrawnBound | None = None
     density: str = DEFAULT
 
@@ -245,7 +248,7 @@ def generate(
                 statement=_statement(space, runs.episodes(reward), unguided, drawn),
                 plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
                 judged=NOT_JUDGED if judging is None else judging.counts,
-                bound=bound, density=settings.density,
+                bound=bound, density=settings.density, guidance=problem.guidance,
             )  # fmt: skip
             write_object(summary(scenario, generated, settings), out / summary_file(scenario))
             write_episodes(
@@ -419,6 +422,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         },
         "plays": made.plays,
         "judges": made.judged._asdict(),
+        "guided": asdict(made.guidance),
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
         "until": None if made.bound is None else made.bound.as_json(),

@@ -233,7 +233,6 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
-    from generation.pipeline import drawn_of
     from generation.report.report import basis
     from generation.search.outcomes import JUDGES
 
@@ -250,13 +249,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     else:
         yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
-    if generated.judged.judged:
-        yield f"  {generated.judged}"
-    if generated.cut:
-        budget = many(settings.budget, "run")
-        yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
-    elif 0 < len(outcomes) < settings.budget - drawn_of(settings.budget) - generated.judged.runs:
-        yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed in plays any more"
+    yield from _course(generated, settings)
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     if generated.damaged:
@@ -292,6 +285,19 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {many(len(generated.files) - _LISTED, 'more file')} in {generated.files[0].parent}"
+
+
+def _course(generated: Generated, settings: SearchSettings) -> Iterator[str]:
+    """Yield lines on the choice of runs, the judges, and an end before the budget."""
+    budget, guidance = many(settings.budget, "run"), generated.guidance
+    if guidance.guided or guidance.drawn:
+        yield f"  {guidance}"
+    if generated.judged.judged:
+        yield f"  {generated.judged}"
+    if generated.cut:
+        yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
+    elif guidance.saturated:
+        yield f"  ended before its budget of {budget}: nothing failed for long that is unlike known failures"
 
 
 def _nothing(generated: Generated) -> str:

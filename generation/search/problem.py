@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
@@ -172,7 +172,7 @@ class History(Episodes):
         """
         try:
             with np.load(path, allow_pickle=False) as found:
-                outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
+                outcomes = Outcomes(**{each.name: found[each.name] for each in fields(Outcomes)})
                 return cls(found["theta"], outcomes, found["rewards"])
         # A file cut short, or of another kind, fails in numpy, zipfile or zlib, depending on where.
         except (
@@ -188,6 +188,24 @@ class History(Episodes):
             raise InvalidFile(
                 f"this is no search's history ({error}); remove it to have it made again", path=path
             ) from None
+
+
+@dataclass
+class Guidance:
+    """Record of a method's choices while it searches.
+
+    Attributes:
+        guided: runs that earlier ones led to. drawn: runs that are draws of the density.
+        saturated: whether it ended before its budget, since nothing new failed for long.
+    """
+
+    guided: int = 0
+    drawn: int = 0
+    saturated: bool = False
+
+    def __str__(self) -> str:
+        runs = self.guided + self.drawn
+        return f"{self.guided} of these runs ({self.guided / max(runs, 1):.0%}) guided by earlier ones or plays, {self.drawn} drawn"
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +224,7 @@ class SearchProblem:
             none.
         judging: judges failures before the search learns from them, within the budget; None where
             all failures count alike.
+        guidance: record that a method keeps, if it tells guided runs from draws.
     """
 
     space: Space
@@ -216,6 +235,7 @@ class SearchProblem:
     prior: Prior | None = None
     plays: Plays | None = None
     judging: Judging | None = None
+    guidance: Guidance = field(default_factory=Guidance)
 
     @property
     def starts(self) -> FloatArray:

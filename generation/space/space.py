@@ -428,6 +428,33 @@ _BLOCK = 4096
 """Points that distances are worked out to at a time: memory does not grow with the runs"""
 
 
+class KnownRows:
+    """Rows of the unit cube that grow in number, and distances from them.
+
+    They are in trees, each greater than the next one, so that adding rows one by one sorts each
+    of them anew O(log n) times.
+    """
+
+    def __init__(self) -> None:
+        self._trees = list[KDTree]()
+
+    def add(self, unit: FloatArray) -> None:
+        """Add rows (n, d)."""
+        while len(unit) and self._trees and self._trees[-1].n <= len(unit):
+            unit = np.concatenate([self._trees.pop().data, unit])
+        if len(unit):
+            self._trees.append(KDTree(unit))
+
+    def distances(self, unit: FloatArray, most: float = np.inf) -> FloatArray:
+        """Root-mean-square distance (n,) of rows (n, d) from the nearest one; infinite where that is
+        further than `most`, or there is none."""
+        found, reach = np.full(len(unit), np.inf), np.sqrt(unit.shape[1])
+        for tree in self._trees:
+            far = tree.query(unit, distance_upper_bound=most * reach * (1.0 + _ROUNDING))[0]
+            found = np.minimum(found, np.asarray(far) / reach)
+        return found
+
+
 def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:
     """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `least` to
     those before.

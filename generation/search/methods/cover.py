@@ -4,7 +4,8 @@ that is expected to fail.
 A guided run is chosen by what it is expected to reveal: its own predicted failure, times the
 predicted failures among draws of the density around it that are near no known failure. Known
 failures are grouped into regions; each has its share of the guided runs, and so has what is near
-none, so that no finding starves another one. Failures are judged first, on the search's budget:
+none, so that no finding starves another one. The search ends before its budget where nothing new
+has failed for long. Failures are judged first, on the search's budget:
 nothing is learnt from one that no careful driver prevents. Without plays two models predict, each
 for half of the guided runs: a forest, in which near misses have a small share, and a Gaussian
 process, which also expects failures where no run was. With plays in arrays it is their verdict,
@@ -29,7 +30,7 @@ from generation.search.methods.models import Forest, Frame, GaussianProcess
 from generation.search.outcomes import survivors
 from generation.search.problem import BATCH, Calls, History, Plays, SearchProblem
 from generation.space.density.prior import Prior
-from generation.space.space import apart, distinctive, grouped
+from generation.space.space import KnownRows, distinctive, grouped
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 
@@ -52,7 +53,8 @@ class CoverSettings:
     """Parameters of the search.
 
     Attributes:
-        batch: runs of a round, and the share of the budget that they are where that is more.
+        batch: runs of a round, the share of the budget that they are where that is more, and no
+            more than the third number.
         first: runs that explore before the first guided one, without plays.
         explored: share of the runs that are draws.
         spread: share of the runs that go where no run was, without plays.
@@ -62,15 +64,18 @@ class CoverSettings:
         linked: distance up to which failures are of one region.
         least: distance from all runs that a guided run keeps.
         drawn: draws of the density that are guided runs' candidates in a round.
-        traffic: draws that stand for traffic, without plays.
         stepped: further candidates: steps from known failures.
+        round: runs of a round from which on there are more candidates, in proportion.
+        traffic: draws that stand for traffic, without plays.
+        patience: runs without a failure that is unlike all before, after which the search ends, and
+            the share of the budget that they are where that is more.
         step: standard deviation of steps, in whitened coordinates.
         played: draws that stand for traffic, with plays: so many for each run of the
             budget, and no more than the second number.
         unpreventable: weight of a failure that no careful driver prevents, with plays.
     """
 
-    batch: tuple[int, float] = 40, 0.02
+    batch: tuple[int, float, int] = 40, 0.02, 1000
     first: int = 60
     explored: float = 0.15
     spread: float = 0.25
@@ -79,8 +84,10 @@ class CoverSettings:
     linked: float = 0.15
     least: float = 0.03
     drawn: int = 1200
-    traffic: int = 2000
     stepped: int = 400
+    round: int = 200
+    traffic: int = 2000
+    patience: tuple[int, float] = 1000, 0.25
     step: float = 0.4
     played: tuple[int, int] = 33, 16_384
     unpreventable: float = 0.2
@@ -207,10 +214,15 @@ class _Search:
         # Distances of the settings are root mean squares over parameters: times √k they are
         # Euclidean ones.
         self._reach = float(np.sqrt(self._told.sum()))
-        least, share = settings.batch
-        self._batch = max(least, round(share * budget))
-        self._theta = np.empty((0, len(problem.space.parameters)))
-        self._failures = self._theta if problem.found is None else problem.found
+        least, share, most = settings.batch
+        self._batch = min(max(least, round(share * budget)), most)
+        least, share = settings.patience
+        self._patience, self._since = max(least, round(share * budget)), 0
+        self._guidance = problem.guidance
+        none = np.empty((0, len(problem.space.parameters)))
+        self._failures = none if problem.found is None else problem.found
+        self._ran, self._failed = KnownRows(), KnownRows()
+        self._failed.add(self._unit(self._failures))
         self._regions = self._grouped()
         self._forest, self._process = Forest(), GaussianProcess(_HELD)
         self._plays = problem.plays
@@ -237,20 +249,32 @@ class _Search:
                 chance[chance > 0.0],
                 [verdicts],
             )
+        # Distances of traffic from known failures, as failures come.
+        self._standing = self._unit(self._traffic)
+        self._off = self._failed.distances(self._standing)
 
     def run(self) -> History:
         """Search."""
         # Models learn from runs, so some have to come first; plays need none.
         if self._plays is None:
             self._spend(self._prior.sample(self._settings.first, self._generator))
-        while self._calls.left:
+            self._guidance.drawn += len(self._calls.history.theta)
+        while self._calls.left and not self._saturated:
             runs = min(self._batch, self._calls.left)
             # Draws of the density fill up what the guided runs leave: early on the models predict
             # nothing.
             guided = self._guided(runs - round(self._settings.explored * runs))
             explored = self._prior.sample(runs - len(guided), self._generator)
             self._spend(np.concatenate([explored, guided]))
+            self._guidance.guided += len(guided)
+            self._guidance.drawn += len(explored)
+        self._guidance.saturated = self._calls.left > 0
         return self._calls.history
+
+    @property
+    def _saturated(self) -> bool:
+        """Whether failures are known, and nothing new has failed for long."""
+        return len(self._failures) > 0 and self._since >= self._patience
 
     def _spend(self, theta: FloatArray) -> None:
         """Run points (n, d), and judge those that fail: failures that nothing prevents are set
@@ -258,42 +282,58 @@ class _Search:
         found = self._calls(theta)
         failing = found.outcomes.collision & found.outcomes.executed
         prevented = self._calls.prevented(found)
-        self._theta = np.concatenate([self._theta, found.theta])
-        self._failures = np.concatenate([self._failures, found.theta[prevented]])
-        self._regions = self._grouped()
+        unit = self._unit(found.theta)
+        self._ran.add(unit)
+        new = unit[prevented]
+        unlike = self._failed.distances(new) >= self._settings.radius
+        self._since = 0 if unlike.any() else self._since + len(unit)
+        if len(new):
+            self._failures = np.concatenate([self._failures, found.theta[prevented]])
+            self._failed.add(new)
+            fresh = KnownRows()
+            fresh.add(new)
+            self._off = np.minimum(self._off, fresh.distances(self._standing))
+            self._regions = self._grouped()
         if self._plays is None:
             outcomes = aside(found.outcomes, failing & ~prevented)
-            self._forest.learn(self._unit(found.theta), outcomes)
+            self._forest.learn(unit, outcomes)
             self._process.learn(self._frame.coordinates(found.theta), outcomes)
 
     def _grouped(self) -> IntArray:
         """Region of each known failure (m,), from 0."""
-        labels = grouped(self._unit(self._failures), self._settings.linked)
-        return np.asarray(np.unique(labels, return_inverse=True)[1], np.int64)
+        unit = self._unit(self._failures)
+        # Groups take memory by the square of their rows: of many failures even ones are grouped, and
+        # the others belong to the nearest one.
+        some = np.linspace(0, len(unit) - 1, min(len(unit), _GROUPED)).astype(int)
+        labels = np.unique(grouped(unit[some], self._settings.linked), return_inverse=True)[1]
+        if len(some) < len(unit):
+            labels = labels[KDTree(unit[some]).query(unit)[1]]
+        return np.asarray(labels, np.int64)
 
     def _guided(self, n: int) -> FloatArray:
         """Points (n, d), or fewer: each part of them is chosen among what those before it have
         left."""
-        theta = self._candidates()
+        theta = self._candidates(n)
         # Before any run: what is not foreseeable can be no edge case, whatever comes of it.
         theta = theta[self._prior.foreseeable(theta)]
-        theta = self._unlike(theta, self._theta)
-        ground = _Field.of(self._unit(theta), self._unit(self._traffic), self._settings)
+        unit = self._unit(theta)
+        keep = self._ran.distances(unit, self._settings.least) >= self._settings.least
+        theta, unit = theta[keep], unit[keep]
+        ground = _Field.of(unit, self._standing, self._settings)
         if self._plays is None:
-            self._spread(
-                ground, theta, round(self._settings.spread / (1.0 - self._settings.explored) * n)
-            )
-        of = self._region_of(ground.unit)
+            spread = self._settings.spread / (1.0 - self._settings.explored)
+            self._spread(ground, theta, round(spread * n))
+        of, known = self._region_of(unit), len(self._shares(0)) - 1
         # Draws near a known failure are covered already and count nothing.
-        free = apart(ground.traffic, self._unit(self._failures), self._settings.radius)
+        left = self._off >= self._settings.radius
         # An equal part of what is left: runs that one emitter has no candidates for are the next
         # one's.
-        for left, emitter in zip(range(len(self._emitters), 0, -1), self._emitters, strict=True):
+        for more, emitter in zip(range(len(self._emitters), 0, -1), self._emitters, strict=True):
             worth = emitter(theta)
-            worth = np.where((of < len(self._shares(0)) - 1) & (worth < _HOPE), 0.0, worth)
+            worth = np.where((of < known) & (worth < _HOPE), 0.0, worth)
             chance = emitter(self._traffic) if self._chance is None else self._chance
-            more = (n - len(ground.chosen)) // left
-            ground.choose(worth, np.where(free, chance, 0.0), more, of, self._shares(more))
+            part = (n - len(ground.chosen)) // more
+            ground.choose(worth, np.where(left, chance, 0.0), part, of, self._shares(part))
         return theta[ground.chosen]
 
     def _spread(self, ground: _Field, theta: FloatArray, n: int) -> None:
@@ -303,7 +343,8 @@ class _Search:
         rows = self._frame.coordinates(np.concatenate([self._traffic, theta]))
         challenge = self._process.predicted(rows)[0]
         rank = np.searchsorted(np.sort(challenge[:known]), challenge, "right") / known
-        free = apart(ground.traffic, self._unit(self._theta), self._settings.radius)
+        radius = self._settings.radius
+        free = self._ran.distances(ground.traffic, radius) >= radius
         for part, power in ((n // 2, 0.0), (n - n // 2, _POWER)):
             weight = np.maximum(rank, 1e-3) ** power
             ground.choose(weight[known:], np.where(free, weight[:known], 0.0), part)
@@ -328,10 +369,11 @@ class _Search:
             found[near] = self._regions[nearest[near]]
         return found
 
-    def _candidates(self) -> FloatArray:
-        """Draws of the density, and steps from failures that are known or that plays have (m, d),
-        as many from each region."""
-        drawn = self._prior.sample(self._settings.drawn, self._generator)
+    def _candidates(self, n: int) -> FloatArray:
+        """Candidates (m, d) of n runs: draws of the density, and steps from failures that are known
+        or that plays have, as many from each region."""
+        times = max(n / self._settings.round, 1.0)
+        drawn = self._prior.sample(round(times * self._settings.drawn), self._generator)
         parents, sizes = self._failures, np.asarray(np.bincount(self._regions))
         chances = np.take(1.0 / np.maximum(sizes, 1), self._regions)
         if self._chance is not None:
@@ -340,7 +382,7 @@ class _Search:
         if not len(parents):
             return drawn
         rows = self._generator.choice(
-            len(parents), self._settings.stepped, p=chances / chances.sum()
+            len(parents), round(times * self._settings.stepped), p=chances / chances.sum()
         )
         start = self._frame.coordinates(parents[rows])
         steps = self._frame.points(
@@ -358,14 +400,12 @@ class _Search:
         worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], plays)
         return worth
 
-    def _unlike(self, theta: FloatArray, others: FloatArray) -> FloatArray:
-        """Return the points (n, d) that keep the least distance from others."""
-        return theta[apart(self._unit(theta), self._unit(others), self._settings.least)]
-
     def _unit(self, theta: FloatArray) -> FloatArray:
         return self._space.unit(theta)[:, self._told]
 
 
+_GROUPED = 2000
+"""Failures that are grouped into regions at most"""
 _HELD = 600
 """Runs that the Gaussian process holds: a round's cost does not grow with the runs"""
 _ALONE = 1e-9

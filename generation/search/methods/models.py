@@ -84,8 +84,9 @@ def scores(outcomes: Outcomes) -> FloatArray:
 _TREES = 100
 _FEW = 60
 """Runs from which failures are predicted"""
-_ROUND = 20
-"""Runs after which the forest is grown anew"""
+_ROUND = 20, 0.02
+"""Runs after which the forest is grown anew, and the share of all that they are where that is more
+"""
 _NEAR = 0.1
 """Weight of the nearest miss relative to a failure"""
 
@@ -124,8 +125,9 @@ class Forest:
         """Predicted failure (n,) at points (n, k), from 0 to 1; 0 while there are few runs."""
         if len(self) < _FEW or not len(x):
             return np.zeros(len(x))
-        # Growing takes far longer than predicting, and twenty runs more hardly change the forest.
-        if self._forest is None or len(self) >= self._grown + _ROUND:
+        # Growing takes far longer than predicting, and a few runs more hardly change the forest.
+        least, share = _ROUND
+        if self._forest is None or len(self) >= self._grown + max(least, share * self._grown):
             self._grow()
         found: FloatArray = self._forest.predict(differences(x))
         return found

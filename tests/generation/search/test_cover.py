@@ -11,7 +11,7 @@ from generation.search.methods.cover import CoverSettings, _Field, cover
 from generation.search.methods.judging import Judging
 from generation.search.methods.models import Forest, GaussianProcess
 from generation.search.outcomes import Outcomes
-from generation.search.problem import Realism, Reward, SearchProblem
+from generation.search.problem import Guidance, Realism, Reward, SearchProblem
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
@@ -64,6 +64,21 @@ def test_each_finding_is_covered_though_another_fails_more_often(posed: SearchPr
     found = cover(posed, 300, 1)
     for region in (near, fast):
         assert region(found.theta).sum() > 1.2 * region(drawn).sum() > 0.0
+
+
+@pytest.mark.slow
+def test_more_runs_have_more_candidates_and_the_search_ends_where_nothing_new_fails(
+    posed: SearchProblem,
+) -> None:
+    settings = CoverSettings(batch=(300, 0.0, 300), patience=(450, 0.0), traffic=500)
+    posed = replace(posed, guidance=Guidance())
+    found = cover(posed, 6000, 1, settings)
+    assert posed.guidance.saturated and len(found.theta) < 6000
+    assert posed.guidance.guided + posed.guidance.drawn == len(found.theta)
+    assert posed.guidance.guided > 0.6 * len(found.theta), "1,600 candidates led to a tenth"
+    nothing = replace(posed, guidance=Guidance(), evaluate=lambda theta: Outcomes.of(len(theta)))
+    assert len(cover(nothing, 900, 1, settings).theta) == 900
+    assert not nothing.guidance.saturated, "without a failure there is no end"
 
 
 @pytest.mark.parametrize("blind", [Forest, GaussianProcess])

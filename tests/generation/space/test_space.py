@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 import xosc
-from generation.space.space import Space
+from generation.space.space import KnownRows, Space
 from recognition.labels.maneuvers.parameters import PARAMETERS, Parameter, declared_name
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc.exports.concrete import copied
@@ -177,3 +178,15 @@ def test_values_are_what_the_scenario_accepts() -> None:
         xosc.resolve(xosc.load(CUT_IN), values)
     with pytest.raises(UsageError, match="6 values"):
         space.values(space.low[:6])
+
+
+def test_known_rows_say_how_far_others_are_however_they_came() -> None:
+    generator, known = np.random.default_rng(0), KnownRows()
+    rows, others = generator.random((60, 3)), generator.random((20, 3))
+    assert np.isinf(known.distances(others)).all()
+    for part in np.split(rows, [1, 2, 5, 20, 23, 24]):
+        known.add(part)
+    wanted = cdist(others, rows).min(axis=1) / np.sqrt(3)
+    np.testing.assert_allclose(known.distances(others), wanted)
+    limited = known.distances(others, 0.1)
+    np.testing.assert_allclose(limited, np.where(wanted < 0.1, wanted, np.inf))
