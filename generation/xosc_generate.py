@@ -247,6 +247,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if len(outcomes):
         collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
+    elif generated.cut:
+        yield f"  no sought runs{chosen}: the time was over before"
     else:
         yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
     yield from _course(generated, settings)

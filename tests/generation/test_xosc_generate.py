@@ -58,6 +58,17 @@ def _imports(frame: FrameType | None) -> bool:
     return frame is not None
 
 
+@pytest.mark.slow
+def test_a_search_without_time_claims_nothing_of_what_it_did_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--density", "uniform", "--budget", 10, "--minutes", 0.0001, "--timestep", 0.1)
+    call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *options, "--jobs", 1)
+    told = capsys.readouterr().out
+    assert "no sought runs" in told and "the time was over before" in told
+    assert "nothing that is foreseeable and preventable fails" not in told
+
+
 @pytest.fixture(scope="module")
 def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a search leaves."""
