@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from generation.clock import PLAYED, SearchClock, TimeOver
-from generation.estimation.bound import DrawnBound, draws_until
+from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
 from generation.search.gate import (
@@ -142,6 +142,7 @@ def generate(
     progress: Callable[[int], None] = lambda runs: None,
     found: FloatArray | None = None,
     interim: Callable[[Generated], object] = lambda generated: None,
+    drawing: Callable[[int], Callable[[int], object]] = lambda needed: lambda draws: None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
@@ -164,6 +165,8 @@ def generate(
             them, where its method starts from scenarios at all, and none of its cases is much like
             one of them.
         interim: called with what was found and written so far, after each `settings.every` runs.
+        drawing: called with the number of draws that `settings.until` needs; gives what is called
+            with the number of those made, after each block of them.
 
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
@@ -230,11 +233,11 @@ def generate(
             )
             estimates = more.episodes(reward)
             bound = None
-            if settings.until is not None and plays is not None and ended and not cut:
+            if settings.until is not None and plays is not None and ended:
                 failed = every.theta[every.outcomes.executed & every.outcomes.collision]
                 bound = draws_until(
                     settings.until, space, prior, plays, refuting, failed, settings.seed,
-                    lambda: clock.over,
+                    lambda: cut or clock.over, drawing(draws_needed(settings.until)),
                 )  # fmt: skip
             against = refuting.episodes(reward)
             every = Episodes.joined([every, estimates, against])

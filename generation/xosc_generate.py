@@ -198,6 +198,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
             generated = generate(
                 scenario, search.recorded, search.out, settings, progress,
                 interim=lambda made: render(scenario, made, settings, search.out),
+                drawing=lambda needed: progress.below("draws", needed),
             )  # fmt: skip
         if before is not None:
             compared = regression(before, scenario, Tried.of(generated), settings)

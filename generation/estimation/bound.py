@@ -21,8 +21,8 @@ from generation.space.space import Space, apart, distinctive
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.terminal.text import many
 
-_BLOCK = 16_384
-"""Draws that are played at a time"""
+_BLOCK = 32_768
+"""Draws that are played at a time, by several processes"""
 _CONFIRMED = 8
 """Failures of a block in arrays that are played again one by one, at most"""
 
@@ -36,12 +36,14 @@ class DrawnBound(NamedTuple):
         against: points (m, d) at which the system fails one by one too, unlike all that the search
             found; the bound does not hold with one.
         unconfirmed: failures in arrays that were no failures one by one: defects of the arrays.
+        out_of_time: whether the time of the search ended the draws.
     """
 
     asked: float
     statement: Statement
     against: FloatArray
     unconfirmed: int
+    out_of_time: bool = False
 
     @property
     def holds(self) -> bool:
@@ -56,6 +58,7 @@ class DrawnBound(NamedTuple):
             **self.statement.as_json(),
             "against": self.against.tolist(),
             "unconfirmed": self.unconfirmed,
+            "out_of_time": self.out_of_time,
         }
 
     def __str__(self) -> str:
@@ -76,10 +79,18 @@ class DrawnBound(NamedTuple):
                 else f"no failing region of probability above {self.asked:g} "
                 f"({CONFIDENCE:.0%} confidence): none of {made} fails"
             )
+        if not self.statement.draws and self.out_of_time:
+            return f"the time was over before a draw was made for a bound of {self.asked:g}"
+        ended = f": the time was over, {draws_needed(self.asked):,} are needed"
         return (
             f"failures that were not found have a probability below {self.statement.unknown:.2g}, "
-            f"not yet below {self.asked:g}, after {made}"
+            f"not yet below {self.asked:g}, after {made}{ended if self.out_of_time else ''}"
         )
+
+
+def draws_needed(asked: float) -> int:
+    """Draws without an unknown failure that bound a probability, above 0 and below 1."""
+    return math.ceil(math.log(1.0 - CONFIDENCE) / math.log1p(-asked))
 
 
 def draws_until(
@@ -91,6 +102,7 @@ def draws_until(
     found: FloatArray,
     seed: int,
     over: Callable[[], bool] = lambda: False,
+    progress: Callable[[int], object] = lambda draws: None,
 ) -> DrawnBound:
     """Draw from a density until a bound holds, a failure stands against it, or the time is over.
 
@@ -102,14 +114,18 @@ def draws_until(
         found: failures (m, d) of the search. They have to be known before the draws.
         seed: of the draws.
         over: whether the time is over.
+        progress: called with the number of draws after each block of them.
     """
     generator = np.random.default_rng([seed, len(space.names), 1])
     columns = distinctive(space)
     known = space.unit(found)[:, columns]
-    needed = math.ceil(math.log(1.0 - CONFIDENCE) / math.log1p(-asked))
+    needed = draws_needed(asked)
     draws = failing = outside = unconfirmed = tried = 0
     against = found[:0]
-    while draws < needed and not len(against) and not over():
+    out_of_time = False
+    while draws < needed and not len(against):
+        if out_of_time := over():
+            break
         theta = prior.sample(min(_BLOCK, needed - draws), generator)
         outcomes = plays(theta)
         failed: BoolArray = outcomes.executed & outcomes.collision
@@ -127,6 +143,7 @@ def draws_until(
             outside += len(rows) - survived
         # Draws that test nothing count for nothing: with enough of them the bound is out of reach.
         tried += len(theta)
+        progress(len(theta))
         if not draws and tried >= _BLOCK:
             break
-    return DrawnBound(asked, Statement(draws, failing, outside), against, unconfirmed)
+    return DrawnBound(asked, Statement(draws, failing, outside), against, unconfirmed, out_of_time)

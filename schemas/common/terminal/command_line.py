@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import wraps
 from glob import has_magic
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any, Protocol, TextIO
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -605,39 +605,76 @@ def _interrupted(name: str, ending: KeyboardInterrupt, hint: str = "") -> int:
     return _SIGNALLED + (ending.number if isinstance(ending, Ended) else signal.SIGINT)
 
 
+class ProgressBar(Protocol):
+    """A bar of finished items."""
+
+    def __call__(self, count: float) -> None:
+        """Advance it by finished items, or shares of one."""
+
+    def below(self, doing: str, total: int) -> ProgressBar:
+        """Show another bar below, of items that are many a second; with their rate."""
+
+
+class _NoBar:
+    def __call__(self, count: float) -> None:
+        return
+
+    def below(self, doing: str, total: int) -> _NoBar:
+        return self
+
+
+class _Bar:
+    """A task of a `rich.progress.Progress`."""
+
+    def __init__(self, tasks: Any, doing: str, total: int, **shown: Any) -> None:
+        self._tasks, self._done = tasks, 0.0
+        self._task = tasks.add_task(doing, total=total, **shown)
+
+    def __call__(self, count: float) -> None:
+        self._done += count
+        # Shares of an item add up to it.
+        self._tasks.update(self._task, completed=round(self._done, _DIGITS))
+
+    def below(self, doing: str, total: int) -> _Bar:
+        return _Bar(self._tasks, doing, total, rated=True)
+
+
 @contextmanager
-def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, where that is a terminal; yields a function to advance it by
-    finished items, or shares of one.
+def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
+    """A bar on standard error, where that is a terminal; yields what advances it.
 
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """
     if quiet or not sys.stderr.isatty():
-        yield lambda count: None
+        yield _NoBar()
         return
     from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
         Progress,
+        ProgressColumn,
+        Task,
         TextColumn,
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Items a second, where a bar shows them."""
+
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text(f"{speed:,.0f} a second" if speed and task.fields.get("rated") else "")
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
+        Rate(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task, done = bar.add_task(doing, total=total), 0.0
-
-        def advance(count: float) -> None:
-            nonlocal done
-            done += count
-            bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
-
-        yield advance
+    with Progress(*columns, console=Console(stderr=True), transient=True) as tasks:
+        yield _Bar(tasks, doing, total)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from generation.estimation.bound import DrawnBound, draws_until
+from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.search.gate import CONFIDENCE
 from generation.search.outcomes import Outcomes
 from generation.space.space import Space
@@ -83,5 +83,25 @@ def test_an_end_of_time_says_how_far_the_bound_came() -> None:
         1e-6, SPACE, Uniform(), NEVER, NEVER, SPACE.draw(1, np.random.default_rng(0))[:0], 0,  # type: ignore[arg-type]
         iter([False, True]).__next__,
     )  # fmt: skip
-    assert not made.holds and made.statement.draws == 16_384
+    assert not made.holds and made.statement.draws == 32_768
     assert "not yet below 1e-06" in str(made)
+    assert str(made).endswith(f"the time was over, {draws_needed(1e-6):,} are needed")
+    assert made.as_json()["out_of_time"] is True
+
+
+def test_draws_that_the_time_leaves_out_are_said() -> None:
+    none = SPACE.draw(1, np.random.default_rng(0))[:0]
+    made = draws_until(
+        1e-6, SPACE, Uniform(), NEVER, NEVER, none, 0, lambda: True  # type: ignore[arg-type]
+    )  # fmt: skip
+    assert str(made) == "the time was over before a draw was made for a bound of 1e-06"
+
+
+def test_draws_are_counted_while_they_are_made() -> None:
+    counted: list[int] = []
+    none = SPACE.draw(1, np.random.default_rng(0))[:0]
+    made = draws_until(
+        1e-5, SPACE, Uniform(), NEVER, NEVER, none, 0, progress=counted.append  # type: ignore[arg-type]
+    )  # fmt: skip
+    assert sum(counted) == made.statement.draws == draws_needed(1e-5) and len(counted) > 1
+    assert made.holds and not made.out_of_time
