@@ -20,6 +20,7 @@ import numpy as np
 
 import xosc
 from runner.batch.jobs import CODES, Job, Outcome
+from runner.batch.outputs.terminal import IN_ARRAYS
 from runner.batch.pool import Workers, results
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.compile.road_network import load_roads
@@ -330,7 +331,10 @@ class Together:
     def _pass(self, job: Job, row: dict[str, Any]) -> Iterator[Outcome]:
         self._passed += 1
         measures = {name: row[name] for name in ("min_ttc", "min_distance", "max_drac")}
-        outcome = Outcome(job, PASSED, CODES[PASSED], "", row["status"], row["end_time"], measures)
+        # On SUMO the run might have ended otherwise: the verdict's line says so.
+        message = "" if self._settings.world == "kinematic" else IN_ARRAYS
+        code, status, end = CODES[PASSED], row["status"], row["end_time"]
+        outcome = Outcome(job, PASSED, code, message, status, end, measures)
         distance = row["min_distance"]
         if self._out is None or distance is None:
             yield outcome

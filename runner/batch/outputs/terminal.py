@@ -57,6 +57,8 @@ _ERROR_STATUSES = {
 """Ends of runs with an error by their status (`runner.batch.jobs.Outcome.status`); others by their
 exit code"""
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
+IN_ARRAYS = "in arrays, kinematically"
+"""Message of a run that passed in arrays where the world of the others is another one"""
 _LOCATION = re.compile(r"^.*?:\d+: ")
 """Start of a remark: the file and its line"""
 _NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
@@ -82,6 +84,7 @@ class OutcomeTable:
             max(_NAME, shutil.get_terminal_size().columns - _REST) if self._terminal else _NAME
         )
         self._counts = dict.fromkeys(_WORDS, 0)
+        self._in_arrays = 0
         self._groups: dict[tuple[str, str], list[str]] = {}
         self._remarks: dict[str, list[str]] = {}
         self._told: set[str] = set()
@@ -93,6 +96,7 @@ class OutcomeTable:
         if not self._quiet and not any(self._counts.values()) and outcome.state != "loaded":
             self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
+        self._in_arrays += outcome.message == IN_ARRAYS
         self._last = outcome.job.name if outcome.state != "error" else ""
         self._evidence = told_evidence(outcome.evidence)
         grave = outcome.state in _GRAVE
@@ -194,7 +198,12 @@ class OutcomeTable:
             more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
             self._print("\n".join(f"    {name}" for name in names[:_LISTED] + more))
         self._worst()
-        counts = ", ".join(f"{count} {state}" for state, count in self._counts.items() if count)
+        notes = {"passed": f" ({self._in_arrays} {IN_ARRAYS})" if self._in_arrays else ""}
+        counts = ", ".join(
+            f"{count} {state}{notes.get(state, '')}"
+            for state, count in self._counts.items()
+            if count
+        )
         text = f"{many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
 

@@ -18,6 +18,7 @@ from runner.batch.arrays import NEAREST, Together, obstacle, structures
 from runner.batch.batch import run_batch, runnable
 from runner.batch.jobs import Outcome, jobs_of
 from runner.batch.options import BatchOptions
+from runner.batch.outputs.terminal import OutcomeTable
 from runner.judging.settings import RunSettings
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
@@ -206,6 +207,27 @@ def test_sets_in_several_processes_have_the_outcomes_of_one(
         together = Together(source, settings("cas"), out, lambda line: None, processes)
         found.append((list(together), pq.read_table(out / "sets.parquet").to_pylist()))
     assert found[0] == found[1] and len(found[0][1]) == 20
+
+
+@pytest.mark.parametrize("world", ["sumo", "kinematic"])
+def test_verdicts_of_arrays_say_kinematically_where_the_world_is_another_one(
+    world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    variation = tmp_path / "gaps.xosc"
+    variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
+    chosen = RunSettings(world=world, sut="cas")
+    together = Together(jobs_of([variation], {}, True), chosen, None, lambda line: None)
+    table = OutcomeTable(verbose=False, quiet=False)
+    passed = [each for each in together if isinstance(each, Outcome)]
+    for outcome in passed:
+        table.show(outcome)
+    table.close()
+    *lines, total = capsys.readouterr().out.splitlines()
+    said = [line for line in lines if "in arrays, kinematically" in line]
+    count = len(passed)
+    assert len(said) == (count if world == "sumo" else 0) and count > 1
+    note = f" ({count} in arrays, kinematically)" if world == "sumo" else ""
+    assert total == f"{count} runs: {count} passed{note}"
 
 
 def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> None:
