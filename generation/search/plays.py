@@ -64,7 +64,7 @@ class ArrayPlays:
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
         drawn = space.draw(_TRIED, np.random.default_rng(0))
-        reason = obstacle(scenario, self._run, [*map(self._values, drawn)], fast=fast)
+        reason = obstacle(scenario, self._run, self._sets(drawn), fast=fast)
         if reason:
             raise Unsupported(reason, path=scenario)
 
@@ -79,7 +79,7 @@ class ArrayPlays:
             Unsupported: it can't be asked for many points at once.
         """
         settings = self._run if sut is None else replace(self._run, sut=sut)
-        sets = [self._values(row) for row in theta]
+        sets = self._sets(theta)
         # Parts are the same for any number of processes: a part has its own structures.
         parts = [sets[first : first + BLOCK] for first in range(0, len(sets), BLOCK)]
         work = partial(_played, self._scenario, settings, self._rss)
@@ -87,9 +87,9 @@ class ArrayPlays:
         with results(work, parts, Workers(1 if alone else self._processes)) as found:
             return joined([Outcomes.of(0), *found])
 
-    def _values(self, row: FloatArray) -> dict[str, str]:
-        values = {**self._space.pinned, **self._space.values(row)}
-        return {name: str(value) for name, value in values.items()}
+    def _sets(self, theta: FloatArray) -> list[dict[str, str]]:
+        pinned = {name: str(value) for name, value in self._space.pinned.items()}
+        return [{**pinned, **values} for values in self._space.sets(theta)]
 
 
 def _played(

@@ -98,15 +98,22 @@ class Space:
 
     def values(self, row: Sequence[float] | FloatArray) -> dict[str, str]:
         """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
-        if len(row) != len(self.parameters):
-            raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")
-        found = {
-            name: self._text(name, float(value))
-            for name, value in zip(self.names, row, strict=True)
-        }
-        for name, follows in self.follows.items():
-            found.update(follows[float(found[name])])
+        (found,) = self.sets(np.array([row], float))
         return found
+
+    def sets(self, theta: FloatArray) -> list[dict[str, str]]:
+        """Points (n, d) as the scenario's parameters take them: `values` of each."""
+        names = self.names
+        if theta.shape[1] != len(names):
+            raise UsageError(f"{theta.shape[1]} values for {len(names)} parameters")
+        columns = [self._texts(name, theta[:, place]) for place, name in enumerate(names)]
+        if not columns:
+            return [{} for _ in theta]
+        rows = [dict(zip(names, texts, strict=True)) for texts in zip(*columns, strict=True)]
+        for name, follows in self.follows.items():
+            for found in rows:
+                found.update(follows[float(found[name])])
+        return rows
 
     def point(self, values: Mapping[str, str]) -> FloatArray | None:
         """The point (d,) of values by name, as `values` gives them; None where they are of no
@@ -122,11 +129,14 @@ class Space:
                 found.append(float(values[name]))
         return np.array(found)
 
-    def _text(self, name: str, value: float) -> str:
-        if name not in self.choices:
-            return repr(round(value, DIGITS))
-        nearest_one = min(self.choices[name], key=lambda choice: abs(choice - value))
-        return literal(nearest_one)
+    def _texts(self, name: str, values: FloatArray) -> list[str]:
+        choices = self.choices.get(name)
+        if choices is None:
+            return [repr(round(value, DIGITS)) for value in values.tolist()]
+        return [
+            literal(min(choices, key=lambda choice: abs(choice - value)))
+            for value in values.tolist()
+        ]
 
     def categories(self, name: str) -> Mapping[float, Mapping[str, str]]:
         """Values by name that each code of a parameter stands for; none where its values are no

@@ -361,7 +361,10 @@ class BatchJudge:
         if self._system and not scripted_at_start(self._scenario, run.ego.entity):
             lacking |= ~seen.moved[rows]
         waits = self._mishap & self._are_out_of_time(run, rows, finished) & ~begun
-        for place in np.flatnonzero(~(failed | doubt | lacking)):
+        asked = ~(failed | doubt | lacking)
+        if self._reserve <= 0.0:  # no reserve is less
+            asked &= waits
+        for place in np.flatnonzero(asked):
             next_one = _contact_to_come(run, rows[place])
             lacking[place] = next_one.reserve < self._reserve or (
                 waits[place] and next_one.after <= APPROACH
