@@ -75,7 +75,8 @@ def _way(between: str, files: list[Path]) -> None:
             f"{path.name}: {difference.length / 1e3:.2f} km, within 5 cm {difference.within:.2%},"
             f" 95 % {100.0 * difference.borders.most:.2f} cm, connections"
             f" {difference.connections - lost}/{difference.connections},"
-            f" {'no projection' if degrees is None else f'{degrees:.1e} degrees'}"
+            f" {'no projection' if degrees is None else f'{degrees:.1e} degrees'}",
+            flush=True,
         )
     print(
         f"by {between}: {len(files) - refused} maps, {length / 1e3:.1f} km,"

@@ -244,6 +244,9 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         if lane_map.projection is not None
         else ["the map has no projection: its place on Earth is unknown"]
     )
+    if lane_map.projection is not None and lane_map.offset[2]:
+        height = lane_map.offset[2]
+        notes.append(f"the height of the offset, {height:g} m, is left out: CommonRoad has none")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n", notes
 
 

@@ -39,6 +39,9 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
         )
     root = parse(net.path).getroot()
     notes = [note for note in (georeference(root, network),) if note is not None]
+    height = network.header.offset[2]
+    if height and network.geo_reference is not None and not notes:
+        notes.append(f"the height of the offset, {height:g} m, is left out: SUMO has none")
     lift(root, net, network)
     for element in [element for element in root if DOCK in (element.get("id", ""), element.get("from", ""), element.get("to", ""))
                     or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip

@@ -350,6 +350,28 @@ def places(made: LaneMap, name: str) -> tuple[float, ...]:
     return tuple(np.round(centre[[0, -1], :2].ravel()).tolist())
 
 
+STREETS = """<osm version="0.6">
+<node id="1" lat="48.1000" lon="11.5000"/><node id="2" lat="48.1000" lon="11.5030"/><node id="3" lat="48.1000" lon="11.5060"/>
+<node id="4" lat="48.1020" lon="11.5030"/>
+<way id="5"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="primary"/><tag k="lanes" v="4"/><tag k="maxspeed" v="70"/></way>
+<way id="6"><nd ref="2"/><nd ref="4"/><tag k="highway" v="residential"/></way></osm>"""
+
+
+def test_openstreetmap_becomes_roads_where_it_is_and_is_said_to_be_rough(tmp_path: Path) -> None:
+    source = tmp_path / "streets.osm"
+    source.write_text(STREETS, encoding="utf-8")
+    made = maps.convert(source, tmp_path / "streets.xodr")
+    assert any("netconvert guessed" in note for note in made.notes)
+    limits = [lane.limit for lane in made.result.lanes.values() if not lane.in_junction]
+    assert any(limit == pytest.approx(70 / 3.6, abs=0.01) for limit in limits)
+    projector = Projector.of(made.result)
+    assert projector is not None
+    (crossing,) = projector.to_map(np.array([[11.5030, 48.1000, 0.0]]))
+    points = np.vstack([lane.centre for lane in made.result.lanes.values()])
+    assert np.hypot(*(points - crossing)[:, :2].T).min() < 10.0
+    assert made.difference.connections > 5 and made.difference.connections_lost == []
+
+
 # files ------------------------------------------------------------------------------------------
 
 

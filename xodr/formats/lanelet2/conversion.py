@@ -37,6 +37,8 @@ from xodr.reader import load
 # road maps of lanelets --------------------------------------------------------------------------
 
 
+_SAME = 1e-9
+"""Difference of coefficients of equal pieces"""
 _BESIDE = 1.0
 """Distance (m) of a traffic light from the road's right edge."""
 
@@ -204,8 +206,24 @@ class _Builder:
 
 
 def _cubics(form: RoadShape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
-    return tuple(
-        Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True)
+    """The pieces of a profile, without those that go on as the piece before them does."""
+    kept: list[Cubic] = []
+    for s, row in zip(form.s, coefficients, strict=True):
+        piece = Cubic(float(s), *map(float, row))
+        if not kept or not np.allclose(_continued(kept[-1], piece.start), piece[1:], 0.0, _SAME):
+            kept.append(piece)
+    return tuple(kept)
+
+
+def _continued(piece: Cubic, start: float) -> tuple[float, float, float, float]:
+    """The coefficients of a piece from another start on."""
+    _, a, b, c, d = piece
+    ds = start - piece.start
+    return (
+        a + ds * (b + ds * (c + ds * d)),
+        b + ds * (2.0 * c + 3.0 * ds * d),
+        c + 3.0 * ds * d,
+        d,
     )
 
 
