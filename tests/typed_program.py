@@ -9,6 +9,10 @@ import xodr
 import xosc
 import xosc_toolchain as xt
 from runner import RunResult, RunSettings
+from runner.engine.compile.element import EntityCondition
+from runner.engine.compile.run import Instant
+from runner.engine.participants.boxes import gap
+from runner.engine.participants.entity import Entity
 
 
 def faults(path: Path) -> list[str]:
@@ -37,6 +41,19 @@ def stops(path: Path) -> bool:
     result = xt.run(path, sut="adas")
     assert_type(result, RunResult)
     return result.verdict.passed is True
+
+
+class Near(EntityCondition):
+    """Holds while anyone else is near, as a condition of a package does."""
+
+    def holds(self, entity: Entity, run: Instant) -> bool:
+        """Whether a box is nearer than 2 m."""
+        others = (other for other in run.entities.values() if other is not entity)
+        return any(other.active and other.placed and gap(entity, other) < 2.0 for other in others)
+
+    def describe(self, entity: Entity, run: Instant) -> str:
+        """Its name."""
+        return entity.name
 
 
 assert_type(runner.__version__, str)

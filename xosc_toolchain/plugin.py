@@ -72,7 +72,9 @@ def write_plugin(name: str, kinds: Sequence[str], folder: Path) -> list[Path]:
             there is no such kind.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise UsageError(f"{name!r} is no name of a package: small letters, digits and _ are")
+        raise UsageError(
+            f"{name!r} is no name of a package: small letters, digits and _ are; --out is the folder"
+        )
     for kind in kinds:
         if kind not in KINDS:
             raise UsageError(f"there is no kind {kind!r}; {nearest(kind, KINDS)}")
@@ -167,7 +169,9 @@ def copy_scenario(source: Path, name: str, folder: Path) -> list[Path]:
     Errors as in `write_scenario`.
     """
     if not _NAME.fullmatch(name):
-        raise UsageError(f"{name!r} is no name: letters, digits, _, - and . are")
+        raise UsageError(
+            f"{name!r} is no name: letters, digits, _, - and . are; --out is the folder"
+        )
     new = f"{name.removesuffix('.xosc')}.xosc"
     if (folder / new).exists():
         raise UsageError("this file is there already", path=folder / new)

@@ -93,9 +93,10 @@ def new_of() -> None:
 @new.command()
 def plugin(
     name: Annotated[str, typer.Argument(help="Name of the package.")],
-    kind: Annotated[
+    kinds: Annotated[
         list[str] | None,
         typer.Option(
+            "--kind",
             metavar="KIND",
             help=f"{', '.join(EXTENSIONS)}; several by several --kind. "
             "Without it a measure and an export.",
@@ -107,7 +108,7 @@ def plugin(
     """Write a package that extends the toolchain, with its test, to be installed by pip."""
     from xosc_toolchain.plugin import write_plugin
 
-    say(*map(str, write_plugin(name, kind or ("measure", "export"), out)))
+    say(*map(str, write_plugin(name, kinds or ("measure", "export"), out)))
     say(f"begin with: pip install -e {out / name} && python -m pytest {out / name}")
 
 

@@ -343,7 +343,7 @@ def inspected(source: Source) -> Inspection:
                 reasons.append(error.message)
     except (InvalidFile, Unsupported) as error:
         if source.report is None or source.report.verdict != REFUSED:
-            return Inspection(source.name, source.format, REFUSED, 0.0, [error.message])
+            return Inspection(source.name, source.format, REFUSED, 0.0, [str(_of(source, error))])
     assert source.report is not None, "the recording has been read"
     checks = [*dict.fromkeys(source.report.checks)]
     verdict, quality = source.report.verdict, source.report.quality

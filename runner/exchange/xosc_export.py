@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.batch.options import Only, Param, Sample, selection_of
-from runner.exchange.exports import TARGETS, target_lines, target_of
+from runner.exchange.exports import GROUP, TARGETS, target_lines, target_of
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest, nearest
+from schemas.common.plugins import installed
 from schemas.common.remarks import told_quietly
 from schemas.common.terminal.command_line import (
     AllowInconclusive,
@@ -96,7 +97,7 @@ def xosc_export(
     target = target_of(to)
     if target is None:
         raise UsageError(
-            f"there is no target {to!r}; {nearest(to, TARGETS)} (--targets explains them)"
+            f"there is no target {to!r}; {nearest(to, (*TARGETS, *installed(GROUP)))} (--targets explains them)"
         )
     sources = _sources(paths)
     selection = selection_of(only, sample, settings.seed, sources)

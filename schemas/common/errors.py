@@ -194,8 +194,34 @@ def _file_of(module: str) -> str | None:
     return found.origin if found else None
 
 
+_plugins: dict[str, str] = {}
+"""Names of loaded plug-ins for messages, by their modules"""
+
+
+def note_plugin(module: str, name: str) -> None:
+    """Have errors of a module's code told as those of a plug-in.
+
+    Args:
+        name: of the plug-in, for messages.
+    """
+    _plugins[module] = name
+
+
+def _failed_plugin(error: BaseException) -> str:
+    """Return the failure of the plug-in whose code is innermost on the stack of an exception, with
+    file and line; empty where no plug-in's is."""
+    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
+        module = frame.f_globals.get("__name__")
+        if module in _plugins:
+            return f"{_plugins[module]} failed: {blame(error, module)}"
+    return ""
+
+
 def describe(error: Exception) -> tuple[str, int]:
-    """Error in one line, and its exit code."""
+    """Error in one line, and its exit code.
+
+    An unexpected error below the code of a plug-in is that of the plug-in, not of the toolchain.
+    """
     if isinstance(error, ToolchainError):
         message, code = str(error), error.exit_code
     elif _lacks_memory(error):
@@ -208,6 +234,8 @@ def describe(error: Exception) -> tuple[str, int]:
             ": ".join(str(part) for part in (error.strerror or error, error.filename) if part),
             ExitCode.USAGE,
         )
+    elif failed := _failed_plugin(error):
+        message, code = failed, ExitCode.USAGE
     else:
         message, code = f"internal error: {type(error).__name__}: {error}", ExitCode.INTERNAL
     return one_line(message), code

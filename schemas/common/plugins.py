@@ -24,7 +24,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from schemas.common.errors import ToolchainError, UsageError, blame
+from schemas.common.errors import ToolchainError, UsageError, blame, note_plugin
 from schemas.common.policy import current
 
 if TYPE_CHECKING:
@@ -96,6 +96,7 @@ def load(entry: EntryPoint, needs: Sequence[str] = ()) -> ModuleType:
         raise UsageError(f"{told(entry)} can't be imported: {reason}") from error
     if not isinstance(module, ModuleType):
         raise UsageError(f"{told(entry)} is no module")
+    note_plugin(module.__name__, told(entry))
     missing = [name for name in needs if not hasattr(module, name)]
     if missing:
         raise UsageError(f"{told(entry)} has no {missing[0]}")

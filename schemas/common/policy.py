@@ -330,5 +330,8 @@ def _refuse_imports(named: Iterable[Path]) -> None:
             or not real.is_dir()
         )
         if not ours and any(real.is_relative_to(root) for root in named):
-            message = "Python imports from this folder (python -m, PYTHONPATH), which --untrusted refuses: type the command"
+            message = (
+                "Python imports from this folder (python -m, PYTHONPATH, pip install -e), which "
+                "--untrusted refuses: type the command, or install without -e"
+            )
             raise UsageError(message, path=real)

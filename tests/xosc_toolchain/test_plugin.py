@@ -6,16 +6,28 @@ import os
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-from runner.judging.measures.measure import RunMeasure
-from schemas.common.errors import UsageError
-from schemas.common.plugins import installed
+from runner.engine.compile.element import EntityCondition
+from runner.engine.compile.registry import condition
+from runner.judging.measures.criticality import Criticality, criticality
+from runner.judging.measures.measure import ALWAYS, RunMeasure
+from schemas.common.errors import ExitCode, UsageError, describe
+from schemas.common.plugins import installed, load
 from tests.commands import Command
+from tests.runner.judging.test_criticality import motion
 from xosc_toolchain.plugin import KINDS, write_plugin
 from xosc_toolchain.xosc import EXTENSIONS
+
+if TYPE_CHECKING:
+    from runner.engine.compile.registry import Context
+    from runner.engine.compile.run import Instant
+    from runner.engine.participants.entity import Entity
+    from xosc.document.node import Node
 
 ROOT = Path(__file__).parents[2]
 CUT_IN = str(ROOT / "xosc" / "library" / "simple_cut_in.xosc")
@@ -206,6 +218,24 @@ def test_a_faulty_plug_in_is_refused_by_name(tmp_path: Path) -> None:
         assert line.startswith(start)
 
 
+def test_a_measure_of_the_ego_alone_is_defined_without_another_participant() -> None:
+    class Alone(RunMeasure):
+        """A measure of a package that needs nobody but the ego."""
+
+        name, validity = "alone", ALWAYS
+
+        def of(self, run: Criticality) -> float:
+            return float(run.ego.speed.mean())
+
+    class Near(Alone):
+        """A measure of a package that needs another participant."""
+
+        name, validity = "near", "another participant is there"
+
+    found = criticality(motion("Ego", 0.0, 20.0), [])
+    assert (Alone().result(found), Alone().defined(found), Near().defined(found)) == (20.0, 1, 0)
+
+
 def test_a_measure_that_fails_is_told_by_its_name() -> None:
     class Odd(RunMeasure):
         """A measure of a package with a defect."""
@@ -217,6 +247,63 @@ def test_a_measure_that_fails_is_told_by_its_name() -> None:
 
     with pytest.raises(UsageError, match=r"the measure odd \(.*test_plugin\) failed: KeyError"):
         Odd().result(None)
+
+
+def test_an_error_below_the_code_of_a_plug_in_is_told_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = "def holds():\n    return [].nearest\n\n\ndef calls(other):\n    return other()\n"
+    (tmp_path / "lab_conditions.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("schemas.common.errors._plugins", {})
+    module = load(EntryPoint("lab", "lab_conditions", "xosc.condition"))
+    told = "the plug-in 'lab' of xosc.condition (lab_conditions, package unknown) failed"
+
+    def ours() -> None:
+        raise KeyError("speed")
+
+    for act, line in ((module.holds, 2), (lambda: module.calls(ours), 6)):
+        with pytest.raises((AttributeError, KeyError)) as failed:
+            act()
+        message, code = describe(failed.value)
+        assert message.startswith(told) and message.endswith(f"lab_conditions.py:{line})")
+        assert code == ExitCode.USAGE
+    with pytest.raises(KeyError) as failed:
+        ours()
+    assert describe(failed.value) == ("internal error: KeyError: 'speed'", ExitCode.INTERNAL)
+
+
+def test_an_element_of_a_plug_in_is_never_told_to_be_ignored(
+    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Refusing(EntityCondition):
+        """A condition that refuses its element."""
+
+        @classmethod
+        def from_xml(cls, node: Node, context: Context) -> Refusing:
+            raise node.invalid("value=-1 must be greater than 0")
+
+        def holds(self, entity: Entity, run: Instant) -> bool:
+            return False
+
+        def describe(self, entity: Entity, run: Instant) -> str:
+            return ""
+
+    condition.load()
+    monkeypatch.setitem(condition.classes, "AcmeLaneCondition", Refusing)
+    scenario = ROOT / "xosc_toolchain" / "templates" / "lane.xosc"
+    answer = command("xosc-run", scenario, "--world", "kinematic", "--road", "auto")
+    assert answer.code == 3 and "value=-1 must be greater than 0" in answer.err
+    assert "NOT executed" not in answer.err
+
+
+def test_a_misspelt_target_of_a_plug_in_is_guessed(
+    site: Path, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.chdir(tmp_path)
+    answer = command("xosc-export", CUT_IN, "--to", "lab_kid", "--out", tmp_path / "out")
+    assert answer.code == 2 and "did you mean 'lab_kit'?" in answer.err
 
 
 def test_a_command_ends_with_one_line_where_a_plug_in_fails(tmp_path: Path) -> None:
@@ -251,6 +338,9 @@ def test_the_template_is_written_once(command: Command, tmp_path: Path) -> None:
     }
     assert command(*new, "acme", "--out", tmp_path).code == 2
     assert command(*new, "not-a-name", "--out", tmp_path).code == 2
+    assert "--kind KIND" in command(*new, "--help").out
+    elsewhere = command("xosc", "new", "scenario", tmp_path / "mine")
+    assert elsewhere.code == 2 and "--out is the folder" in elsewhere.err
     refused = command(*new, "other", "--kind", "mesure", "--out", tmp_path)
     assert refused.code == 2 and "measure" in refused.err
     assert tuple(KINDS) == EXTENSIONS

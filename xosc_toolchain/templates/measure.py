@@ -22,7 +22,7 @@ class AcmeTimeExposed(RunMeasure):
     unit = "s"
     formula = f"time with time to collision < {SHORT:g} s"
     critical = "high"
-    validity = "always"
+    validity = "another participant is there"  # ALWAYS for a measure of the ego alone
     source = "Minderhoud and Bovy (2001)"
     most = 10.0  # end of the axis in reports, which leave measures without it out
     is_extreme = False  # one number over the run, without an instant and another participant

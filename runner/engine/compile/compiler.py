@@ -322,7 +322,7 @@ def compile_scenario(
         InvalidFile: a reference leads nowhere, a value is out of its range.
         Unsupported: an element is not executed by this runner; named with file and line.
     """
-    with with_ignored(document.remarks):
+    with with_ignored(map(_executed, document.remarks)):
         context = ScenarioContext(document, network, strict)
         _check_signals(context)
         _check_mirror(context)

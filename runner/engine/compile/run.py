@@ -46,6 +46,11 @@ class Instant(Surroundings, Protocol):
     """State of a run that conditions read."""
 
     @property
+    def entities(self) -> Entities:
+        """Everyone by name, traffic included."""
+        ...
+
+    @property
     def time(self) -> float:
         """Simulation time, s."""
         ...
@@ -108,11 +113,6 @@ class Run(Instant, Protocol):
     def initialising(self) -> bool:
         """Whether the initial actions and the events of time 0 are starting: what takes no time
         sets the initial state."""
-        ...
-
-    @property
-    def entities(self) -> Entities:
-        """Everyone by name, traffic included."""
         ...
 
     @property

@@ -83,6 +83,10 @@ def _mean(holds: BoolArray) -> float:
     return float(holds.mean()) if len(holds) else 0.0
 
 
+ALWAYS = "always"
+"""Validity of measures that another participant is not needed for"""
+
+
 class RunMeasure(ABC):
     """A criticality measure of a run: one number about the ego.
 
@@ -92,7 +96,7 @@ class RunMeasure(ABC):
         unit: empty for a number without one.
         formula: in words and symbols.
         critical: whether `low` or `high` values are critical.
-        validity: where it is defined.
+        validity: where it is defined; `ALWAYS` for measures of the ego alone.
         source: publication.
         most: value beyond which the amount no longer matters, the end of its axis in reports; None
             leaves it out of reports.
@@ -120,9 +124,10 @@ class RunMeasure(ABC):
         """Share of the ego's time in which it was defined, or would have been had there been
         reason; see `validity`.
 
-        By default the share in which another participant was there.
+        By default the share in which another participant was there, or all of it with the validity
+        `ALWAYS`.
         """
-        return _mean(run.distance.valid)
+        return 1.0 if self.validity == ALWAYS else _mean(run.distance.valid)
 
     @abstractmethod
     def of(self, run: Any) -> Extreme | float | None:

@@ -219,6 +219,16 @@ def test_inspect_prints_a_verdict_with_reasons_and_skipped_files(
     assert "3 files are of no known format: a.bin, b.bin, c.dat (2 .bin, 1 .dat)" in answer.err
 
 
+def test_inspect_names_file_and_line_of_what_it_cannot_read(
+    command: Command, tmp_path: Path
+) -> None:
+    rows = traffic()
+    write_csv(tmp_path / "site" / "vehicle_tracks_000.csv", [rows[0] | {"x": "here"}, *rows[1:]])
+    answer = command("xosc-recognize", "inspect", str(tmp_path / "site"))
+    assert answer.code == 3
+    assert "vehicle_tracks_000.csv:2: column x: 'here' is not a number" in answer.out
+
+
 def test_inspect_compares_with_the_map(command: Command, tmp_path: Path) -> None:
     folder = tmp_path / "site"
     write_csv(folder / "vehicle_tracks_000.csv", [row | {"y": 40.0} for row in traffic()])
