@@ -1,4 +1,10 @@
-"""Search of a logical scenario, step by step: space, density, search, judge, write."""
+"""Search of a logical scenario, step by step: space, density, search, judge, write.
+
+`generate` has them in this order. A quarter of the budget are draws of the density; `_gate` says
+by them whether the density may judge. The method spends the rest: its calls go through `_Course`
+(time, interim results) and `Memory` (runs that are kept) to the `Evaluator`, which runs them. What
+chooses and judges without runs is played in arrays (`_plays`). `made` makes of all runs so far the
+edge cases and files, in the end and in between."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def _search(folder: Path) -> tuple[str, ...]:
     return ("xosc-generate", "cut_in_highway", *quick, *out)
 
 
-# Targets: 15, 12, 15 and 7 files. A catalogue takes 15: eleven of them are a step each.
+# Targets: 15, 12, 15, 10 and 7 files. A catalogue takes 15: eleven of them are a step each.
 WALKS = {
     "path to verdict": Walk(
         15,
@@ -115,6 +115,33 @@ WALKS = {
             "generation.search.outcomes:choose",
             "generation.search.variations:Writer.cases",
             "generation.report.report:write_report",
+        ),
+    ),
+    "a variation in arrays": Walk(
+        10,
+        lambda _: (
+            "xosc-run",
+            "simple_cut_in_variation",
+            "--batch",
+            "--world",
+            "kinematic",
+            "--sut",
+            "none",
+            "--only",
+            "0",
+            "--max-time",
+            "6",
+        ),
+        (
+            "runner.batch.arrays:structures",
+            "xosc.resolve:resolve",
+            "runner.engine.compile.compiler:compile_scenario",
+            "runner.batch.arrays:play",
+            "runner.engine.storyboard.batch_run:BatchSimulation.play",
+            "runner.engine.storyboard.batch_elements:BatchActionElement.start",
+            "runner.judging.evidence.batch:BatchJudge.outcomes",
+            "runner.judging.execution:run",
+            "runner.batch.outputs.terminal:OutcomeTable.show",
         ),
     ),
     "a road to SUMO": Walk(

@@ -1,6 +1,9 @@
 """Recordings to a catalogue, and labels for the results of runs.
 
-A catalogue is read, detected, cut and written in parallel, with results kept between runs. What
+A catalogue is made in four passes over all recordings, each in parallel, by functions of
+`recognition.catalogue.recordings`: `read` loads, places and labels a recording and keeps it on the
+shelf (a folder of the catalogue); the recogniser looks at each; `episodes` cuts the moments into
+scenes, and `write` writes their scenarios, in blocks; `played` plays each scenario once. What
 happens in a run is written down about the scenario that it is a run of.
 """
 

@@ -1,8 +1,7 @@
-"""A run as others see it: what it offers to positions, conditions and actions, its storyboard
-elements, and actions in progress.
+"""Protocols of a run, `runner.engine.storyboard.simulation.Simulation`: what it offers to positions,
+conditions and actions, its storyboard elements, and actions in progress.
 
-Each protocol adds to the one before. `runner.engine.storyboard.simulation.Simulation` is all of
-them.
+Each protocol adds to the one before; `Simulation` is all of them.
 """
 
 from __future__ import annotations
