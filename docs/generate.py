@@ -26,6 +26,7 @@ from typer.cli import get_docs_for_click
 from runner.judging.evidence.rows import ROWS
 from runner.judging.measures.measure import measures
 from schemas.common import fates
+from schemas.common.policy import CommandPolicy, in_force
 from xosc_toolchain.start import MODULES as COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -202,6 +203,8 @@ def commands_page() -> str:
 
 def measures_page() -> str:
     """All criticality measures of a run, from their classes."""
+    with in_force(CommandPolicy(untrusted=True)):  # packages may be installed beside
+        known = measures()
     head = ["name", "measure", "unit", "formula", "critical", "defined where", "source"]
     rows = [
         [
@@ -213,7 +216,7 @@ def measures_page() -> str:
             each.validity,
             each.source,
         ]
-        for name, each in measures().items()
+        for name, each in known.items()
     ]
     table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
     return (

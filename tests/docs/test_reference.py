@@ -11,7 +11,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import pytest
 import typer
+
+from runner.judging.measures import measure
+from schemas.common.errors import UsageError
+from tests.xosc_toolchain.test_plugin import declare
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,6 +38,18 @@ def test_pages_are_what_make_docs_writes() -> None:
     assert set(pages) == set(generate.REFERENCE.glob("*.md"))
     stale = [path.name for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
     assert not stale, "run make docs"
+
+
+def test_measures_of_packages_that_are_installed_beside_are_on_no_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = generate.measures_page()
+    declare(tmp_path, "beside", {"xosc.measure": {"beside": "beside.absent"}})
+    monkeypatch.syspath_prepend(tmp_path)
+    measure._of_plugins.cache_clear()
+    with pytest.raises(UsageError, match=r"beside\.absent"):
+        measure.measures()
+    assert generate.measures_page() == page
 
 
 def test_tables_of_fields_and_formats_are_what_make_docs_writes() -> None:
