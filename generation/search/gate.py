@@ -15,7 +15,7 @@ not foreseeable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -31,8 +31,6 @@ from schemas.common.terminal.text import many
 if TYPE_CHECKING:
     from generation.space.space import Space
     from runner.judging.settings import RunSettings
-
-Run = Callable[[FloatArray], Outcomes]
 
 CONFIDENCE = 0.95
 UNFAITHFUL = 0.01
@@ -188,9 +186,8 @@ class Gate(NamedTuple):
         return f"{measured}: not testable, as so few would pass a density of which {TESTABLE:.0%} collides"
 
 
-def replay_shares(units: FloatArray, replay: Run, drivers: Drivers) -> tuple[Share, Share]:
-    """Collisions of recorded rows (m, k), and those of them that no careful driver prevents."""
-    outcomes = replay(units)
+def replay_shares(units: FloatArray, outcomes: Outcomes, drivers: Drivers) -> tuple[Share, Share]:
+    """Collisions of recorded rows (m, k) with outcomes, and those that no careful driver prevents."""
     colliding = np.flatnonzero(outcomes.executed & outcomes.collision)
     share = Share.of(outcomes)
     return share, Share(int((~survivors(units[colliding], drivers)).sum()), share.runs)

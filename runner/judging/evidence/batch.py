@@ -127,6 +127,8 @@ class _Seen(RunRows):
     Attributes:
         moved: where the ego has moved.
         beyond: where someone was faster than its Performance allows.
+        hasty: where the ego changed its speed faster than its Performance allows, and for so long
+            that the run is inconclusive.
         doubt: where the interpreter has to judge.
         speed: of the ego at the last instant, without a sign, m/s.
         faster, slower: steps up to now in which the ego's acceleration, its deceleration, was
@@ -134,7 +136,7 @@ class _Seen(RunRows):
     """
 
     def __init__(self, n: int) -> None:
-        self.moved, self.beyond, self.doubt = (np.zeros(n, bool) for _ in range(3))
+        self.moved, self.beyond, self.hasty, self.doubt = (np.zeros(n, bool) for _ in range(4))
         self.speed = np.zeros(n)
         self.faster, self.slower = np.zeros(n, np.int64), np.zeros(n, np.int64)
 
@@ -276,15 +278,15 @@ class BatchJudge:
             change = (speed - seen.speed) / run.dt
             steps = round(_SUSTAINED / run.dt)
             over = (
-                change > _TOLERANCE * limits.max_acceleration - 1e-9,
-                -change > _TOLERANCE * limits.max_deceleration - 1e-9,
+                change > _TOLERANCE * limits.max_acceleration,
+                -change > _TOLERANCE * limits.max_deceleration,
             )
             for count, side in zip((seen.faster, seen.slower), over, strict=True):
                 count += side
                 count *= side
                 long = count >= steps
                 if steps > 0 and long.any():
-                    seen.doubt |= long & run.going
+                    seen.hasty |= long & run.going
         seen.speed = speed
         on = ego.on_lane & (ego.edge_right <= ego.t) & (ego.t <= ego.edge_left)
         off = run.going & ~on
@@ -344,7 +346,7 @@ class BatchJudge:
             if event.event in self._events:
                 started |= event.started[rows]
                 every &= event.started[rows]
-        lacking = np.full(len(rows), self._static)
+        lacking = seen.hasty[rows] | self._static
         doubt = seen.doubt[rows] | run.doubtful[rows] | seen.beyond[rows]
         out_of_time = self._are_out_of_time(run, rows, finished) & ~(finished & every)
         if self._events:

@@ -25,9 +25,8 @@ def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_dr
     with Evaluator(CUT_IN, own) as run:
         generator = np.random.default_rng(0)
         draws = run(recorded.prior(space, "gaussian").sample(60, generator))
-        replayed, unprevented = replay_shares(
-            replays[generator.permutation(len(replays))[:60]], run, run
-        )
+        units = replays[generator.permutation(len(replays))[:60]]
+        replayed, unprevented = replay_shares(units, run(units), run)
         found = Gate(replayed, Share.of(draws), unprevented)
     assert found.replayed == Share(0, 60)
     assert found.drawn.runs == 60 and found.drawn.collisions <= 2
@@ -89,7 +88,7 @@ def test_a_weak_system_under_test_is_no_fault_of_the_replays() -> None:
     def drive(theta: FloatArray, sut: str = "weak") -> Outcomes:
         return Outcomes.of(len(theta), collision=theta[:, 0] < (0.2 if sut == "weak" else 0.1))
 
-    replayed, unprevented = replay_shares(SPACE_OF_GAPS, drive, drive)
+    replayed, unprevented = replay_shares(SPACE_OF_GAPS, drive(SPACE_OF_GAPS), drive)
     assert (replayed, unprevented) == (Share(int(weak.sum()), 500), Share(int(blind.sum()), 500))
     assert Gate(replayed, replayed, Share(0, 500)).refusal is None
     assert "with each careful driver too" in str(Gate(replayed, replayed, unprevented).refusal)

@@ -62,6 +62,8 @@ def test_plays_have_the_outcomes_of_runs(name: str, sut: str) -> None:
     assert name != "cut_in" or sut != "cas" or 0 < found.collision.sum() < len(theta)
     for each in fields(Outcomes):
         own, other = getattr(found, each.name), getattr(truth, each.name)
+        if each.name == "error":  # arrays do not say why a run is inconclusive
+            own, other = own != "", other != ""
         if own.dtype.kind == "f":
             np.testing.assert_allclose(own, other, rtol=1e-6, atol=1e-9, err_msg=each.name)
         else:

@@ -61,6 +61,32 @@ def test_a_junction_is_crossed_as_by_the_interpreter() -> None:
     assert (runs, found) == (3, [])
 
 
+def test_an_ego_that_is_asked_for_too_much_is_inconclusive_in_arrays_too() -> None:
+    """The scenario asks for more acceleration than the vehicle has: searches draw it by the dozen,
+    and each such run took many times as long one by one."""
+    path = LIBRARY / "lane_change_left_highway.xosc"
+    sets = [
+        {
+            "Ego_StartSpeed_mps": "15.43",
+            "Ego_EndSpeed_mps": speed,
+            "Ego_StartTime_s": "2.152",
+            "Ego_Duration_s": "6.635",
+            "Ego_FinalSpeed_mps": final,
+            "Ego_RestTime_s": "1.505",
+            "Ego_Gap_m": "125.4",
+            "Lead_Speed_mps": "22.84",
+        }
+        for speed, final in (("28.66", "40.66"), ("20.66", "22.66"))
+    ]
+    found = played(path, sets, settings())
+    singles = [runner.run(path, settings(), parameters=each) for each in sets]
+    assert "its Performance allows" in singles[0].verdict.reasons[0]
+    for number, single in enumerate(singles):
+        outcomes, row = found[number]
+        assert outcomes.outcome[row] == single.verdict.outcome
+    assert [each.verdict.outcome for each in singles] == ["inconclusive", "passed"]
+
+
 def _compared(folder: Path, sut: str, sets: int) -> tuple[int, int]:
     """Files that play in arrays and their compared runs, which have no differences."""
     different, compared, reached = {}, 0, 0
