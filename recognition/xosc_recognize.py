@@ -30,6 +30,7 @@ from schemas.common.terminal.command_line import (
     say,
 )
 from schemas.common.terminal.options import option, with_settings, writable_folder
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary
@@ -307,7 +308,9 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     """Print what was made; the exit code."""
     if not quiet:
         unread = (
-            f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
+            f": {many(len(summary.failures), 'recording')} could not be read"
+            if summary.failures
+            else ""
         )
         print(
             f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from schemas.common.errors import UsageError, nearest
 from schemas.common.storage import keep, writing
 from schemas.common.terminal.files import LIBRARY, shipped
 from schemas.common.terminal.files import named as file_of
+from xosc.document import load, to_bytes
 from xosc.exports.draft import Folder
 from xosc_toolchain.settings import write_settings
 
@@ -156,6 +157,9 @@ def write_scenario(name: str, like: str, folder: Path) -> list[Path]:
         UsageError: the name is none of a file, or a file is in the way.
         InvalidFile: no such scenario is shipped.
     """
+    if name in shipped() and name != like:
+        told = f"{name!r} is the name of a shipped file: another name; --like {name} begins as that"
+        raise UsageError(told)
     source = LIBRARY / f"{like}.xosc"
     if like not in shipped():
         source = file_of(Path(like))  # refuses it, with the most similar name
@@ -180,6 +184,25 @@ def copy_scenario(source: Path, name: str, folder: Path) -> list[Path]:
         if exported.exit_code:
             raise UsageError("; ".join(exported.remarks), path=source)
     return sorted(made.written, key=lambda path: path.name != new)
+
+
+def declare(path: Path, values: Mapping[str, str]) -> None:
+    """Give the parameters of a scenario file other values.
+
+    Raises:
+        UsageError: it declares no parameter of a name.
+    """
+    document = load(path)
+    found = {
+        declaration.get("name", ""): declaration
+        for declaration in document.root.iterfind("ParameterDeclarations/ParameterDeclaration")
+    }
+    for name, value in values.items():
+        if name not in found:
+            raise UsageError(f"there is no parameter {name!r}; {nearest(name, found)}", path=path)
+        found[name].set("value", value)
+    if values:
+        keep(to_bytes(document), path)
 
 
 def write_project(name: str, like: str, folder: Path) -> Iterator[Path]:

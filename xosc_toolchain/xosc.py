@@ -18,6 +18,7 @@ from schemas.common.terminal.command_line import (
     out_folder,
     say,
 )
+from schemas.common.terminal.options import parameters_of
 from xosc_toolchain.start import load
 
 SCENARIO, VARIATION = "highway_lead_brake", "simple_cut_in_variation"
@@ -116,14 +117,26 @@ def plugin(
 def scenario(
     name: Annotated[str, typer.Argument(help="Name of the scenario.")],
     like: Annotated[
-        str, typer.Option(metavar="NAME", help="Shipped scenario that it begins as (xosc list).")
+        str,
+        typer.Option(
+            metavar="NAME", help="Scenario that it begins as: a file, or the name of a shipped one."
+        ),
     ] = SCENARIO,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--param", "-p", metavar="NAME=VALUE", help="Value of a parameter (repeatable)."
+        ),
+    ] = None,
     out: Annotated[Path, out_folder("Folder in which it is written.")] = Path(),
 ) -> None:
     """Write a scenario with its road and catalogue."""
-    from xosc_toolchain.plugin import write_scenario
+    from xosc_toolchain.plugin import declare, write_scenario
 
-    say(*map(str, write_scenario(name, like, out)))
+    values = parameters_of(param or ())
+    files = write_scenario(name, like, out)
+    declare(files[0], values)
+    say(*map(str, files))
 
 
 @new.command()
@@ -198,6 +211,8 @@ def completion(shell: Annotated[str, typer.Argument(help=f"One of {', '.join(SHE
 
 def main() -> None:
     """Entry point."""
+    if sys.argv[1:2] == ["help"]:  # as of git and docker
+        sys.argv[1:] = [*sys.argv[2:], "--help"]
     if len(sys.argv) > 1 and sys.argv[1] in COMMANDS:
         command = sys.argv.pop(1)
         sys.argv[0] = f"{NAME} {command}"

@@ -49,7 +49,6 @@ from runner.view.page import page
 from runner.view.replay.player import SCRIPTS, STYLES, steps
 from schemas.common.errors import ToolchainError, UsageError, describe, exit_codes
 from schemas.common.policy import current
-from schemas.common.storage import keep
 from schemas.common.terminal.command_line import (
     Jobs,
     Quiet,
@@ -70,11 +69,10 @@ from xosc.distributions import (
     ParameterValueDistribution,
     write_distribution,
 )
-from xosc.document import to_bytes
 from xosc.listing.questions import condition
 from xosc.listing.tables import EPISODES, INDEX, RUNS, Index, read_all, read_index, table_of
 from xosc.writing.files import FileHeader
-from xosc_toolchain.plugin import copy_scenario
+from xosc_toolchain.plugin import copy_scenario, declare
 
 NAME = "xosc-explore"
 _EXAMPLES = (
@@ -361,7 +359,7 @@ class ExploreSite:
         if asked.get("kind") == "variation":
             varied = _sets(explored, asked.get("varied"))
         files = copy_scenario(explored.scenario, name, self._out)
-        _declare(files[0], values)
+        declare(files[0], values)
         if varied is not None:
             files.insert(0, _vary(files[0], varied))
         return {"files": [str(path) for path in files]}
@@ -402,16 +400,6 @@ def _nearest(axis: ExploredParameter, texts: list[str], values: Mapping[str, str
     with suppress(ValueError):
         return min(range(len(texts)), key=lambda n: abs(float(texts[n]) - float(value)))
     return 0
-
-
-def _declare(path: Path, values: Mapping[str, str]) -> None:
-    """Give the parameters of a scenario file other values."""
-    document = xosc.load(path)
-    for declaration in document.root.iterfind("ParameterDeclarations/ParameterDeclaration"):
-        value = values.get(declaration.get("name", ""))
-        if value is not None:
-            declaration.set("value", value)
-    keep(to_bytes(document), path)
 
 
 def _sets(explored: Explored, given: object) -> dict[str, list[str]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib import import_module
@@ -21,6 +22,7 @@ from schemas.common import packages, plugins
 from schemas.common.errors import InvalidFile, nearest
 from schemas.common.policy import current
 from schemas.common.storage import LONGEST_POINTER, cache_folder, read_bytes
+from schemas.common.terminal.text import one_line
 
 if TYPE_CHECKING:
     from runner.recording import Track
@@ -197,6 +199,18 @@ class DataSet:
         return self._found[0]
 
 
+def _columns_hint(path: Path) -> str:
+    """The way to read a table with columns of its own; empty for other files."""
+    if path.suffix.lower() not in (".csv", ".txt") or not path.is_file():
+        return ""
+    with suppress(OSError, ValueError), path.open(encoding="utf-8") as file:
+        names = one_line(file.readline(_LONGEST_HEAD).strip())
+        return f"; its first line is {names!r}: a columns.toml beside it, or --columns FILE, says which column is which"
+    return ""
+
+
+_LONGEST_HEAD = 200
+"""Characters of the first line of a table that a message shows"""
 REAR_AXLE = 0.3
 """Distance of the rear axle behind the centre of a vehicle, in lengths of it."""
 
@@ -313,7 +327,8 @@ def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], 
     if not found:
         known = ", ".join(module.TITLE for module in modules)
         others = f"; skipped: {named(skipped)}" if path.is_dir() and skipped else ""
-        raise InvalidFile(f"no recording of a known format is here ({known}){others}", path=path)
+        told = f"no recording of a known format is here ({known}){others}"
+        raise InvalidFile(told + _columns_hint(path), path=path)
     for source in found:
         if not source.name.isprintable():
             raise InvalidFile(

@@ -63,7 +63,7 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
     if source.road is not None:
         with writing("the road", folder):
             return source.road(recording, folder)
-    what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map {source.site}.osm"
+    what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map {source.site}.osm; --road FILE names one"
     raise UsageError(what, path=source.path)
 
 

@@ -450,6 +450,8 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
 
     found: dict[Path, None] = {}
     for argument in arguments:
+        if command := journal.repeated_by(Path(argument)):
+            raise UsageError(f"results of runs are here; repeat them by: {command}", path=argument)
         files = expand([argument])
         alone = files == [Path(argument)]
         meant = (

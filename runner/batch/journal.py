@@ -12,6 +12,7 @@ import hashlib
 import hmac
 import json
 import os
+import shlex
 import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -23,6 +24,7 @@ from runner.batch.jobs import FLEETING, Job, Outcome, is_sound
 from runner.batch.outputs.folder import RESULT, digests
 from runner.batch.outputs.report import finite
 from runner.batch.outputs.work import WORK
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
 from schemas.common.packages import version
 from schemas.common.policy import current
@@ -364,6 +366,47 @@ def _outcome(entry: dict[str, Any]) -> Outcome | None:
         return outcome if is_sound(outcome) else None
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+_SWITCHES = {
+    "enforce_constraints": (False, "--no-constraints"),
+    "strict": (True, "--strict"),
+    "sut_in_process": (True, "--sut-in-process"),
+    "end_after_collision": (False, "--continue-after-collision"),
+}
+"""Options of settings that are true or false: the value that they stand for"""
+_NAMED = 5
+"""Files that a command names, at most; of more it names their folder"""
+
+
+def repeated_by(path: Path) -> str:
+    """Return the command that repeats a batch, or a run of it; empty where the folder is neither."""
+    batch = path if is_batch(path) else path.parent
+    if not is_batch(batch):
+        return ""
+    jobs = [outcome.job for outcome in finished(batch).outcomes.values()]
+    jobs = [job for job in jobs if path in (batch, batch / job.name)]
+    if not jobs:
+        return ""
+    sources = list(dict.fromkeys(str(job.source) for job in jobs))
+    if len(sources) > _NAMED:
+        sources = [os.path.commonpath(sources)]
+    words = ["xosc-run", *sources]
+    given = settings(batch)
+    usual = RunSettings(sut=str(given.get("sut"))).as_json()
+    for name, value in given.items():
+        option = f"--{name.replace('_', '-')}"
+        if name in _SWITCHES:
+            meant, switch = _SWITCHES[name]
+            words += [switch] * (value == meant != usual[name])
+        elif name in usual and (value != usual[name] or name == "sut"):
+            for text in value if isinstance(value, list) else [value]:
+                words += [option, str(text)]
+    if len(jobs) == 1 and jobs[0].source != jobs[0].scenario and "~" in jobs[0].name:
+        words += ["--only", str(int(jobs[0].name.split("~")[1]))]
+    elif len(sources) == 1 and all(job.source == job.scenario for job in jobs):
+        words += [f"-p {name}={value}" for name, value in jobs[0].parameters.items()]
+    return " ".join(word if word.startswith("-p ") else shlex.quote(word) for word in words)
 
 
 def is_folder_name(name: str) -> bool:

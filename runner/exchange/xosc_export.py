@@ -118,8 +118,13 @@ def xosc_export(
 def _sources(paths: list[str]) -> list[Path]:
     """The files meant; roads, which are taken along by the scenarios on them, only where they are
     named themselves."""
+    from runner.batch import journal
     from schemas.common.terminal.files import expand
 
+    for path in paths:
+        if journal.repeated_by(Path(path)):
+            told = "results of runs are here: name their scenarios; one with the values of a run is written by "
+            raise UsageError(f"{told}xosc new scenario NAME --like FILE -p NAME=VALUE", path=path)
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 
 

@@ -85,9 +85,9 @@ def xosc_replay(
 
     if len(folders) == 1 and journal.is_batch(folders[0]):
         if out is not None or road is not None or gui:
-            raise UsageError(
-                "this is a whole batch: --out, --road and --gui are for its runs", path=folders[0]
-            )
+            first = min(journal.finished(folders[0]).outcomes, default="RUN")
+            told = f"this is a whole batch: --out, --road and --gui are for its runs, as {folders[0] / first}"
+            raise UsageError(told, path=folders[0])
         made = [_report(folders[0], against)]
     elif len(folders) > 1 and all(map(journal.is_batch, folders)):
         made = [_history(folders, out, road is not None or gui or against is not None)]

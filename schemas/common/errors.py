@@ -266,6 +266,17 @@ def guess(name: str, names: Iterable[str]) -> str:
     return question and f"{question} "
 
 
+def like_or_nearest(text: str, names: Iterable[str]) -> str:
+    """Return the hint for an unknown text: the names that it is a part of, else as `nearest`."""
+    names = [name for name in names if name]
+    within = [name for name in names if text and text.casefold() in name.casefold()]
+    return (
+        f"did you mean {' or '.join(map(repr, within))}?"
+        if 0 < len(within) < 5
+        else nearest(text, names)
+    )
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [name for name in names if name]

@@ -126,6 +126,8 @@ def number(text: str) -> float:
         return _INFINITY[text]
     if not _NUMBER.fullmatch(text):
         hint = f"; an expression is written ${{{text}}}" if _is_arithmetic(text) else ""
+        if ".." in text or text.count(",") > 1:
+            hint = "; several values are for a variation file: xosc new variation"
         raise ValueError(f"{quoted(text)} is not a number{hint}")
     value = float(text)
     if math.isinf(value):

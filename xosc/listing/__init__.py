@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from schemas.common.errors import ToolchainError, UsageError, nearest
+from schemas.common.errors import ToolchainError, UsageError, like_or_nearest, nearest
 from schemas.common.policy import limited
 from schemas.common.terminal.files import LIBRARY as LIBRARY
 from schemas.common.terminal.files import expand
@@ -141,7 +141,7 @@ class Listing:
             if tag.type in scenario.tags
         }
         if there:
-            return f"no scenario has {tag.type} {tag.value!r}; {nearest(_text(tag.value), sorted(there))}"
+            return f"no scenario has {tag.type} {tag.value!r}; {like_or_nearest(_text(tag.value), sorted(there))}"
         types = sorted({name for scenario in self.scenarios for name in scenario.tags})
         return f"no scenario has a tag {tag.type!r}; {nearest(tag.type, types)}"
 

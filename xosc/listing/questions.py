@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, UsageError, nearest
+from schemas.common.errors import InvalidFile, UsageError, like_or_nearest, nearest
 from xosc.document import load
 from xosc.listing.tables import BATCH, Index
 from xosc.writing.tags import tags_of
@@ -38,10 +38,19 @@ _COMPARISONS = "=, !=, <, <=, >, >=, between, in, like, is null"
 
 
 class Question(NamedTuple):
-    """Condition on the rows of an index, and the columns it names."""
+    """Condition on the rows of an index, the columns it names, and the texts that columns equal."""
 
     expression: pc.Expression
     columns: list[str]
+    texts: list[tuple[str, str]]
+
+    def missing(self, table: pa.Table) -> str:
+        """Return the hint about the first text that no row of a table has; empty without one."""
+        for column, text in self.texts:
+            there = sorted(value for value in table[column].unique().to_pylist() if value)
+            if text not in there:
+                return f"no row has {column} {text!r}; {like_or_nearest(text, there)}"
+        return ""
 
 
 def condition(text: str, schema: pa.Schema) -> Question:
@@ -81,6 +90,7 @@ class _Parser:
     def __init__(self, text: str, schema: pa.Schema) -> None:
         self._schema, self._next, self._depth = schema, 0, 0
         self._columns: dict[str, None] = {}
+        self._texts: list[tuple[str, str]] = []
         if len(text) > _LONGEST:
             raise UsageError(f"a condition has at most {_LONGEST} characters, not {len(text)}")
         self._tokens = list(self._read(text))
@@ -90,7 +100,7 @@ class _Parser:
         found = self._any()
         if self._here.kind != "end":
             raise self._wrong(self._here, "'and', 'or' or the end is expected")
-        return Question(found, list(self._columns))
+        return Question(found, list(self._columns), self._texts)
 
     def _read(self, text: str) -> list[_Token]:
         found, at = list[_Token](), 0
@@ -212,6 +222,8 @@ class _Parser:
             )
         if left.type == "truth" and sign.text in _ORDERED:
             raise self._wrong(sign, f"{left.token.text} is true or false and has no order")
+        if sign.text in ("=", "==") and (left.token.kind, right.token.kind) == ("name", "text"):
+            self._texts.append((left.token.text, _unquoted(right.token.text)))
         return _SIGNS[sign.text](left.expression, right.expression)
 
     def _operand(self) -> _Operand:

@@ -206,7 +206,10 @@ def _asked(
     table = questions.similar(index, like) if like is not None else index.table
     if where is not None:
         question = questions.condition(where, table.schema)
-        table, shown = table.filter(question.expression), [*shown, *question.columns]
+        rows, shown = table.filter(question.expression), [*shown, *question.columns]
+        if not len(rows) and (hint := question.missing(table)):
+            say(f"xosc-list: {hint}", to=sys.stderr)
+        table = rows
     if sort or like is None:
         table = questions.ordered(table, sort)
     if distinct:

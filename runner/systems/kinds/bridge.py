@@ -161,16 +161,18 @@ where it is not set"""
 
 @dataclass(slots=True)
 class Bridge:
-    """Sends each observation to a client as an OSI GroundTruth, and does what it answers.
+    """Sends each observation to a client as an OSI GroundTruth, or as JSON, and does what it
+    answers.
 
     Each run waits for a client of its own, one at a time, that sends the token of
-    `XOSC_BRIDGE_TOKEN`. Needs the extra `osi`.
+    `XOSC_BRIDGE_TOKEN`. Needs the extra `osi`, unless all is sent as JSON.
 
     Args:
         port: where the client connects to.
         host: the address to listen at; other machines can connect only if it is not the loopback's.
         wait: time that the client has to connect, s.
         answer: time that it has for each answer, s.
+        osi: whether participants are sent as OSI; otherwise they are in the JSON of each step.
     """
 
     one_run = "its client drives one ego"
@@ -178,8 +180,9 @@ class Bridge:
     host: str = "127.0.0.1"
     wait: float = 60.0
     answer: float = 10.0
+    osi: bool = True
     _client: FrameConnection | None = field(init=False, default=None, repr=False)
-    _truth: Truth = field(init=False, repr=False)
+    _truth: Truth | None = field(init=False, repr=False, default=None)
     _token: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -187,7 +190,7 @@ class Bridge:
             raise UsageError(f"the bridge's port is from 1 to 65535, not {self.port}")
         if not (self.wait > 0.0 and self.answer > 0.0):
             raise UsageError("the bridge's times to wait are more than 0 s")
-        self._truth = Truth()
+        self._truth = Truth() if self.osi else None
         self._token = os.environ.get(TOKEN, "")
         if not self._token:
             self._token = secrets.token_urlsafe(24)
@@ -200,7 +203,7 @@ class Bridge:
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Wait for a client, and greet it."""
         self.close()
-        self._truth = Truth()
+        self._truth = Truth() if self.osi else None
         self._client = accept(self.host, self.port, self.wait, self.answer, self._token)
         limits = {
             name: value if math.isfinite(value) else None
@@ -216,17 +219,18 @@ class Bridge:
         if client is None:
             raise ToolchainError("the bridge has no client: reset() comes first")
         line = observation.stop_line
-        client.send(
-            _json(
-                {
-                    "time": observation.time,
-                    "target_speed": observation.target_speed,
-                    "signals": [signal._asdict() for signal in observation.signals],
-                    "stop_line": line._asdict() if line is not None else None,
-                }
-            )
-        )
-        client.send(self._truth.of(observation).SerializeToString(deterministic=True))
+        step = {
+            "time": observation.time,
+            "target_speed": observation.target_speed,
+            "signals": [signal._asdict() for signal in observation.signals],
+            "stop_line": line._asdict() if line is not None else None,
+        }
+        if self._truth is None:
+            step["ego"] = _told(observation.ego)
+            step["participants"] = [_told(one) for one in observation.others]
+        client.send(_json(step))
+        if self._truth is not None:
+            client.send(self._truth.of(observation).SerializeToString(deterministic=True))
         return answer_of(client.receive())
 
     def close(self) -> None:
@@ -234,6 +238,18 @@ class Bridge:
         if self._client is not None:
             self._client.close()
             self._client = None
+
+
+_STATE = ("x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay")
+
+
+def _told(one: Participant) -> dict[str, Any]:
+    """A participant as JSON: what it is, its state, and its bounding box."""
+    about = {name: getattr(one, name) for name in ("name", "kind", "category", *_STATE)}
+    return {**about, "box": {name: getattr(one.box, name) for name in _BOX}}
+
+
+_BOX = ("x", "y", "z", "length", "width", "height")
 
 
 def _json(message: dict[str, Any]) -> bytes:

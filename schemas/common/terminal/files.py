@@ -9,7 +9,7 @@ from functools import cache
 from glob import escape, glob, has_magic
 from pathlib import Path
 
-from schemas.common.errors import InvalidFile, UsageError, nearest
+from schemas.common.errors import InvalidFile, UsageError, nearest, similar
 from schemas.common.terminal.text import one_line
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
@@ -53,7 +53,7 @@ def named(path: Path) -> Path:
         return own
     if name in shipped():
         return _relative(LIBRARY / own)
-    told = f"neither a file nor the name of a shipped scenario; {nearest(name, shipped())}"
+    told = f"neither a file nor the name of a shipped scenario; {similar(name, shipped()) or 'xosc list shows all of these'}"
     raise InvalidFile(told, path=path)
 
 

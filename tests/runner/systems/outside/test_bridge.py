@@ -431,3 +431,31 @@ def test_no_client_and_no_port(tmp_path: Path, port: int, command: Command) -> N
         Bridge(0)
     with pytest.raises(UsageError, match="more than 0 s"):
         Bridge(answer=-1.0)
+
+
+def test_a_client_without_osi_reads_participants_as_json(tmp_path: Path, port: int) -> None:
+    steps: list[dict[str, Any]] = []
+
+    def drive() -> None:
+        with connected(port) as connection, suppress(EOFError, OSError):
+            connection.sendall(hello(TOKEN))
+            json.loads(received(connection))
+            while True:
+                steps.append(json.loads(received(connection)))
+                braking(connection, steps[-1], None)
+
+    thread = Thread(target=drive)
+    thread.start()
+    file = scenario(tmp_path, stop=1.5)
+    result = runner.run(file, world="kinematic", sut=f"bridge:port={port},osi=false")
+    thread.join(10)
+    ego = steps[-1]["ego"]
+    track = result.recording.tracks["Ego"].columns
+    row = len(steps) - 1
+    assert [ego[name] for name in ("x", "y", "speed")] == [
+        track[name][row] for name in ("x", "y", "speed")
+    ]
+    assert ego["name"] == "Ego" and ego["box"]["length"] > 0.0 and ego["speed"] < 20.0
+    assert {one["name"] for one in steps[0]["participants"]} == result.recording.tracks.keys() - {
+        "Ego"
+    }
