@@ -428,6 +428,8 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
     sought, drawn = made.history.outcomes, made.statement
     return {
         "scenario": scenario.name,
+        "file": scenario.as_posix(),
+        "pinned": dict(made.space.pinned),
         "sut": system_name(settings.run.sut),
         "system": system_digest(scenario, settings.run),
         "method": settings.method,

@@ -49,6 +49,7 @@ from runner.view.page import page
 from runner.view.replay.player import SCRIPTS, STYLES, steps
 from schemas.common.errors import ToolchainError, UsageError, describe, exit_codes
 from schemas.common.policy import current
+from schemas.common.storage import read_object
 from schemas.common.terminal.command_line import (
     Jobs,
     Quiet,
@@ -503,9 +504,10 @@ class Collection:
                 raise UsageError("this file lies outside of the catalogue", path=file)
             return file, {}, ""
         if self._index.name == EPISODES:
-            scenario = _searched(root)
+            scenario, pinned, system = _searched(root)
             names = {each.name for each in Explored.of(scenario).parameters}
-            return scenario, {n: f"{v:.6g}" for n, v in values.items() if n in names}, ""
+            drawn = {name: f"{value:.6g}" for name, value in values.items() if name in names}
+            return scenario, pinned | drawn, system
         raise UsageError(f"a {self._index.noun} names no scenario", path=root)
 
     def pages(self) -> list[str]:
@@ -526,13 +528,22 @@ def _cell(value: Any) -> str:
     return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _searched(folder: Path) -> Path:
-    """The scenario that a search has written its cases for."""
-    for notes in sorted(folder.glob("*_files.json")):
-        scenario = folder / f"{notes.name.removesuffix('_files.json')}.xosc"
-        if scenario.is_file():
-            return scenario
-    raise UsageError("the search has left no scenario here", path=folder)
+def _searched(folder: Path) -> tuple[Path, dict[str, str], str]:
+    """Scenario of a search, the values that it has pinned, and its system under test.
+
+    Raises:
+        UsageError: the scenario is gone. InvalidFile: the search's summary is damaged.
+    """
+    for path in sorted(folder.glob("*_search.json")):
+        summary = read_object(path)
+        # Beside edge cases lies a copy; a search that has found none names the file.
+        own = folder / str(summary.get("scenario"))
+        for scenario in (own, Path(str(summary.get("file", own)))):
+            if scenario.is_file():
+                pinned = summary.get("pinned") or {}
+                values = {str(name): str(value) for name, value in pinned.items()}
+                return scenario, values, str(summary.get("sut", ""))
+    raise UsageError("the scenario of this search is gone: name another one", path=folder)
 
 
 # the server -------------------------------------------------------------------------------------

@@ -244,6 +244,23 @@ def test_a_run_whose_scenario_has_gone_says_so(batch: Path, tmp_path: Path) -> N
     site.close()
 
 
+def test_a_search_without_edge_cases_is_explored_with_its_system_and_pins(
+    tmp_path: Path, command: Command
+) -> None:
+    searching = ("--density", "uniform", "--budget", "4", "--world", "kinematic", "--sut", "adas")
+    found = tmp_path / "found"
+    pin = ("--pin", "CutIn_LaneChangeTime_s=4.5", "--pin", "CutIn_Gap_m=39")
+    command("xosc-generate", LIBRARY / "simple_cut_in.xosc", *searching, *pin, "--out", found)
+    (found / "simple_cut_in.xosc").unlink(missing_ok=True)  # as of a search without edge cases
+    site = xosc_explore.ExploreSite([found], SETTINGS, {}, None, 1)
+    assert site.folder is not None and site.folder.rows("")["count"] > 0
+    scenario, values, system = site.folder.target("0")
+    assert scenario == LIBRARY / "simple_cut_in.xosc" and system == "adas"
+    assert values["CutIn_LaneChangeTime_s"] == "4.5" and "Ego_Speed_mps" in values
+    assert '"value":"4.5"' in site.explore("0")
+    site.close()
+
+
 # films, maps, borders, and the page -------------------------------------------------------------
 
 
