@@ -462,11 +462,12 @@ class Collection:
         import pyarrow as pa
 
         table = self._index.table
-        numbers, shown = pa.array(range(table.num_rows)), self._index.shown
+        numbers, shown, hint = pa.array(range(table.num_rows)), self._index.shown, ""
         if where.strip():
             question = condition(where, table.schema)
             shown = [*shown, *question.columns]
-            table = table.append_column("\0", numbers).filter(question.expression)
+            chosen = table.append_column("\0", numbers).filter(question.expression)
+            table, hint = chosen, "" if len(chosen) else question.missing(table)
             numbers = table["\0"]
         shown = list(dict.fromkeys(shown))
         cells = table.select(shown).slice(0, _MOST_ROWS).to_pylist()
@@ -475,6 +476,7 @@ class Collection:
             "names": self._index.table.column_names,
             "noun": self._index.noun,
             "count": len(table),
+            "hint": hint,
             "rows": [
                 [number, *map(_cell, row.values())]
                 for number, row in zip(numbers.to_pylist(), cells, strict=False)

@@ -215,6 +215,8 @@ def test_a_batch_is_listed_asked_and_its_runs_are_explored(shelf: Served) -> Non
     status, answer = shelf.post("rows", {"where": "CutIn_Gap_m < 10"})
     assert status == 200 and answer["count"] == 1 and "simple_cut_in" in answer["rows"][0]
     assert shelf.post("rows", {"where": "CutIn_Gap_m > 10"})[1]["count"] == 0
+    hint = shelf.post("rows", {"where": "state = 'pasd'"})[1]["hint"]
+    assert hint.startswith("no row has state 'pasd'; ")
     assert "no such column" in shelf.post("rows", {"where": "gap < 1"})[1]["error"]
     status, text = shelf.get(f"explore?row={answer['rows'][0][0]}")
     assert status == 200 and '"value":"9"' in text and '"system":"cas"' in text

@@ -12,7 +12,7 @@ const body = el("tbody");
 const heads = el("tr");
 const table = el("table", { class: "cards" }, el("thead", null, heads), body);
 
-function fill({ columns, rows, count, noun }) {
+function fill({ columns, rows, count, noun, hint }) {
   heads.replaceChildren(...["", ...columns].map(name => el("th", { scope: "col" }, ...breakable(name))));
   body.replaceChildren(
     ...rows.map(([row, ...cells]) =>
@@ -29,7 +29,7 @@ function fill({ columns, rows, count, noun }) {
   );
   [...body.rows].forEach(row => nameCells(row, ["", ...columns]));
   const fewer = count > rows.length ? `, the first ${rows.length} are shown` : "";
-  answered.textContent = `${count} ${noun}${count === 1 ? "" : "s"}${fewer}`;
+  answered.textContent = `${count} ${noun}${count === 1 ? "" : "s"}${fewer}${hint && `: ${hint}`}`;
 }
 
 async function answer(event) {
