@@ -167,7 +167,7 @@ _OSM_OPTIONS = (
     "--output.street-names", "--seed=42",
 )  # fmt: skip
 
-CACHE_FORMAT = 2
+CACHE_FORMAT = 3
 """To be counted up when the same road network shall give another SUMO network or index."""
 
 

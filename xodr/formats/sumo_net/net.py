@@ -357,6 +357,8 @@ def _onward(
             far_end = LaneLink(road.id, passed[-1][1], not link.at_start)
             for via, target in _onward(network, far_end, kind, chain - 1):
                 yield (link, *via), target
+            if not network.links(road.id, passed[-1][1], link.at_start):
+                yield (), link  # it leads nowhere: traffic ends on it, as on a road
 
 
 _End = tuple[str, ...]

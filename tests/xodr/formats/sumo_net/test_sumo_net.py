@@ -228,6 +228,22 @@ def test_a_road_from_a_junction_to_itself_is_cut(tmp_path: Path) -> None:
     assert sorted(net.sumo_lanes) == ["1/0+_0", "1/1+_0"]
 
 
+def test_a_connecting_road_that_leads_nowhere_is_entered(tmp_path: Path) -> None:
+    """Ways through junctions may end inside, as at the border of a map."""
+    lanes = '<lane id="-1" type="driving"><link>{}</link><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>'
+    into = '<successor elementType="junction" elementId="9"/>'
+    back = '<predecessor elementType="road" elementId="1" contactPoint="end"/>'
+    text = road("1", lanes.format(""), link=into)
+    text += road("2", lanes.format('<predecessor id="-1"/>'), x=100, junction="9", link=back)
+    text += (
+        '<junction id="9" name=""><connection id="0" incomingRoad="1" connectingRoad="2" contactPoint="start">'
+        '<laneLink from="-1" to="-1"/></connection></junction>'
+    )
+    net = sumo_net.build(written(text, tmp_path))
+    links = etree.parse(str(net.path)).iterfind("connection")
+    assert ("1/0+", "2/0+") in {(link.get("from"), link.get("to")) for link in links}
+
+
 def test_nobody_may_use_any_lane_and_the_dock_is_left(tmp_path: Path) -> None:
     net = sumo_net.build(
         written(
