@@ -30,6 +30,7 @@ from typing import NamedTuple
 import pytest
 
 from tests.commands import SCRIPTS, Command, as_of_a_terminal
+from tests.xodr.formats.test_converting import STREETS
 
 ROOT = Path(__file__).parents[2]
 EXTENDING = sorted((ROOT / "docs" / "extending").glob("*.md"))
@@ -266,6 +267,7 @@ def test_the_page_on_roads_does_what_it_says(
     tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(ROOT / "xodr" / "library", tmp_path / "xodr" / "library")
+    (tmp_path / "streets.osm").write_text(STREETS, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert len(typed(ROADS)) >= 10
     play(ROADS, tmp_path, do, execute)

@@ -8,7 +8,6 @@ line by line, with the reason, in `NOT_RUN`.
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 from pathlib import Path
 
@@ -17,7 +16,6 @@ import pytest
 from tests.commands import SCRIPTS
 from tests.docs import test_commands
 from tests.docs.test_commands import ROOT, bare, blocks, call, interrupted
-from tests.xodr.formats.test_converting import STREETS
 
 GENERATED = {"coverage.md", "publication.md"}
 PAGES = [
@@ -39,7 +37,6 @@ BEFORE = {
     "osi": ["xosc-run simple_cut_in --osi trace.mcap --quiet"],
     "replay": ["xosc-run xosc/library/simple_cut_in.xosc --out results_before"],
     "labels": ["xosc-run simple_cut_in --out recordings", "mkdir roads"],
-    "roads": [f"printf %s {shlex.quote(STREETS)} > streets.osm"],
 }
 """What a page takes for granted"""
 MINUTES, FOREIGN, OWN = (
