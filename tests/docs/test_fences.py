@@ -28,12 +28,22 @@ PROGRAMS = (*SCRIPTS, "python", "make", "pip", "export", ".venv/bin/python", ".v
 """First words of commands; blocks without a language have what they print too"""
 FILES = ("simple_cut_in", "simple_cut_in_variation", "highway_lead_brake")
 """Scenarios of the small library"""
+SYSTEM = r"""from runner.systems import Control
+class Mine:
+    def reset(self, ego, timestep, seed): pass
+    def control(self, observation, dt): return Control()
+    def close(self): pass
+"""
 BEFORE = {
     "batches": [
         "xosc-run simple_cut_in -p CutIn_Gap_m=12 --world kinematic --out results",
         "xosc-run simple_cut_in -p CutIn_Gap_m=12 --world kinematic --out older",
     ],
-    "ci": ["rm -r xosc xodr", "xosc new scenario mine --like simple_cut_in"],
+    "ci": [
+        "rm -r xosc xodr",
+        "xosc new scenario mine --like simple_cut_in",
+        f"printf '{SYSTEM}' | tee before.py > after.py",
+    ],
     "osi": ["xosc-run simple_cut_in --osi trace.mcap --quiet"],
     "replay": ["xosc-run xosc/library/simple_cut_in.xosc --out results_before"],
     "labels": ["xosc-run simple_cut_in --out recordings", "mkdir roads"],
