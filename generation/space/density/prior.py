@@ -38,6 +38,7 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
             results[key] = work(name, theta, recordings)
         return results[key]
 
+    remembering.__dict__["cache_clear"] = results.clear  # as of `functools.cache`
     return remembering
 
 
