@@ -186,13 +186,18 @@ def _read(path: Path) -> tuple[Recording, Report]:
 
 def _step(table: Table) -> float:
     """Time between rows of a track, s: the usual one unless most rows are otherwise apart."""
-    order = np.lexsort((table["timestamp_ms"], table["track_id"]))
-    same = table["track_id"][order][1:] == table["track_id"][order][:-1]
-    apart = np.diff(table["timestamp_ms"][order])[same]
-    step = float(np.median(apart[apart > 0])) / _MILLISECONDS if (apart > 0).any() else STEP
+    step = median_step(table, STEP)
     # rows further apart than a second are gaps, in which nobody knows what moved
     usual = abs(step / STEP - 1.0) < _USUAL_STEP or step > _LONGEST_STEP
     return STEP if usual else step
+
+
+def median_step(table: Table, usual: float) -> float:
+    """Median time between rows of a track, s; the usual one where no track has two rows."""
+    order = np.lexsort((table["timestamp_ms"], table["track_id"]))
+    same = table["track_id"][order][1:] == table["track_id"][order][:-1]
+    apart = np.diff(table["timestamp_ms"][order])[same]
+    return float(np.median(apart[apart > 0])) / _MILLISECONDS if (apart > 0).any() else usual
 
 
 def _read_case(path: Path, case: str) -> tuple[Recording, Report]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.recordings.formats.interaction import made_of, tracks_of
+from recognition.recordings.formats.interaction import made_of, median_step, tracks_of
 from recognition.recordings.quality import Report
 from recognition.recordings.rows import Clock
 from recognition.recordings.source import Source
@@ -73,7 +73,7 @@ def _lights(folder: Path) -> list[str]:
 
 def _read(path: Path) -> tuple[Recording, Report]:
     main = read_table(path, _COLUMNS | (_BOX if path.name == VEHICLES else {}))
-    step = _step(main)
+    step = median_step(main, STEP)
     tracks, report = _tracks(main, step)
     beside = path.with_name(PEDESTRIANS)
     if beside != path and beside.is_file():
@@ -93,11 +93,3 @@ def _tracks(
 ) -> tuple[list[Track], Report]:
     counts = np.rint(1000.0 * table["timestamp_ms"]).astype(np.int64)
     return tracks_of(table, Clock("timestamp_ms", counts, _MICROSECONDS, step), taken)
-
-
-def _step(table: Table) -> float:
-    """Time between rows of a track, s: the median; the usual one without two rows of a track."""
-    order = np.lexsort((table["timestamp_ms"], table["track_id"]))
-    same = table["track_id"][order][1:] == table["track_id"][order][:-1]
-    apart = np.diff(table["timestamp_ms"][order])[same]
-    return float(np.median(apart[apart > 0])) / 1000.0 if (apart > 0).any() else STEP
