@@ -125,7 +125,7 @@ def played(
 
 
 def _processor_time() -> float:
-    """Processor time of this process and of those that it has ended, s."""
+    """Processor time of this process and of its ended children, s."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 

@@ -184,7 +184,7 @@ def scene_events(sim: Simulation) -> list[Event]:
 
 
 def mishap_events(sim: Simulation) -> list[Event]:
-    """Events that wait for a contact, of a storyboard whose events wait for nothing else."""
+    """Events that wait for a contact; empty where the storyboard has other events too."""
     if scene_events(sim):
         return []
     events = [event for act in sim.storyboard.acts for event in act.events]
