@@ -7,6 +7,7 @@ written by then.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from functools import partial
@@ -38,8 +39,16 @@ _STANDARD_ERROR = 2
 
 
 def load(name: str) -> ModuleType:
-    """Import a command's module, and offer it what higher floors bring."""
-    module = import_module(MODULES[name])
+    """Import a command's module, and offer it what higher floors bring.
+
+    Modules are no garbage: no collection looks for some in them, now or later.
+    """
+    gc.disable()
+    try:
+        module = import_module(MODULES[name])
+    finally:
+        gc.freeze()
+        gc.enable()
     from schemas.common.packages import offer  # takes time, in which signals are answered now
 
     offer(OFFERED)

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -47,12 +48,9 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from pkgutil import iter_modules
 from types import FrameType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from schemas.common.errors import UsageError
-
-if TYPE_CHECKING:
-    pass
 
 _EXTRAS = {
     "fmpy": "fmi",
@@ -219,7 +217,7 @@ def _constant(module: str, constant: str) -> ast.expr | None:
         if spec and spec.loader and hasattr(spec.loader, "get_source")
         else None
     )
-    for statement in ast.parse(source or "").body:
+    for statement in _assignments(source or "", constant):
         if isinstance(statement, ast.Assign):
             targets: list[ast.expr] = statement.targets
         elif isinstance(statement, ast.AnnAssign):
@@ -229,6 +227,24 @@ def _constant(module: str, constant: str) -> ast.expr | None:
         if any(isinstance(target, ast.Name) and target.id == constant for target in targets):
             return statement.value
     return None
+
+
+def _assignments(source: str, constant: str) -> Iterator[ast.stmt]:
+    """Statements of a module's top level that begin with a name.
+
+    The rest of the module is not parsed: a command reads all kinds of its family as it starts.
+    """
+    for begin in re.finditer(rf"^{re.escape(constant)}\b", source, re.MULTILINE):
+        end = _NEXT_STATEMENT.search(source, begin.end())
+        try:
+            yield from ast.parse(source[begin.start() : end.start() if end else None]).body
+        except SyntaxError:  # lines of a text look like statements
+            yield from ast.parse(source).body
+            return
+
+
+_NEXT_STATEMENT = re.compile(r"^[^\s)\]}]", re.MULTILINE)
+"""The first sign of a statement at the top level, or of a comment there"""
 
 
 # functions of higher floors ------------------------------------------------------------------

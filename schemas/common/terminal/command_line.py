@@ -42,6 +42,7 @@ from schemas.common.terminal.options import (
     ROAD_PATH,
     SHARED,
     WRITTEN,
+    PlainValues,
     file_use,
     resign,
     sections,
@@ -100,6 +101,7 @@ class _HelpInFull:
         """The option of help, which says how to get the rest."""
         option = super().get_help_option(ctx)  # type: ignore[misc]
         option.help = "Show this help; all of it by --help-all."
+        PlainValues.read([option])
         return option
 
 
@@ -115,6 +117,7 @@ class GroupedCommand(_HelpInFull, TyperCommand):
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
         """Read the settings file too, but for help, versions, completions and strangers' files."""
+        PlainValues.read(self.params)
         no_work = extra.get("resilient_parsing") or {*HELP, HELP_ALL, "--version"} & set(args)
         file = None if no_work else self._file("--untrusted" in args)
         use(file)

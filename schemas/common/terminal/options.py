@@ -14,13 +14,15 @@ gives the command `--timestep SECONDS` in the place of `settings`, with the defa
 from __future__ import annotations
 
 import inspect
+import math
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import Field, field, fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from schemas.common.errors import UsageError
 
@@ -218,6 +220,76 @@ def resign(function: Callable[..., None], parameters: list[inspect.Parameter]) -
     ]
     function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+
+
+class PlainValues:
+    """Values of one option that need no library to be read, for typer's parameters.
+
+    Typer builds a validator of pydantic for each option, given or not: a third of a command's
+    start. Names, paths, decimal numbers and defaults are read here; all else, every
+    error included, is left to typer.
+
+    Args:
+        parameter: an option or argument of typer.
+    """
+
+    def __init__(self, parameter: Any) -> None:
+        self._parameter = parameter
+
+    @staticmethod
+    def read(parameters: Iterable[Any]) -> None:
+        """Let parameters read their plain values; others than those of this typer are left alone."""
+        for parameter in parameters:
+            if getattr(parameter, "_runtime_param", parameter) is None:
+                parameter._runtime_param = PlainValues(parameter)
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Return the value as the option's type; same as typer's method of this name."""
+        described, several = param.type_descriptor, param.multiple or param.nargs == -1
+        if value is None:
+            return () if several else None
+        kind, info = described.annotation, described.parameter_info
+        if several and isinstance(value, list | tuple) and get_origin(kind) is list:
+            read = [_plain(item, get_args(kind)[0], info) for item in value]
+        else:
+            read = [_plain(value, kind, info)]
+        if None in read:
+            self._parameter._runtime_param = None
+            return self._parameter.get_runtime_param().coerce(value, param=param, ctx=ctx)
+        return read if several else read[0]
+
+
+_DECIMAL = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
+
+
+def _plain(value: Any, kind: Any, info: Any) -> Any:
+    """Return a value as a type; None where that is not as plain as all that."""
+    if info.parser is not None or info.resolve_path or info.allow_dash or info.path_type:
+        return None
+    if kind is str and isinstance(value, str):
+        return value
+    if get_origin(kind) is Literal and isinstance(value, str):
+        return value if value in get_args(kind) else None
+    if kind is Path and isinstance(value, str) and _is_usual(value, info):
+        return Path(value)
+    if kind not in (int, float):
+        return None
+    if isinstance(value, str) and _DECIMAL.fullmatch(value) and (kind is float or "." not in value):
+        value = kind(value)
+    inside = (
+        type(value) is kind
+        and math.isfinite(value)
+        and (info.min is None or value >= info.min)
+        and (info.max is None or value <= info.max)
+    )
+    return value if inside else None
+
+
+def _is_usual(path: str, info: Any) -> bool:
+    """Whether typer takes a path as it is: it can be read, or is not there and need not be."""
+    if not os.path.exists(path):
+        return not info.exists
+    return info.file_okay and info.dir_okay and not info.writable and os.access(path, os.R_OK)
 
 
 def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:

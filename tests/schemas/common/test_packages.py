@@ -41,6 +41,7 @@ FILES = {
     "__init__.py": "",
     "zebra.py": KIND.format("zebra"),
     "ant.py": KIND.format("ant"),
+    "bee.py": '"""A bee.\n\nSUMMARY of it:\n"""\nSUMMARY = (\n    "the bee",\n)\n',
     "cat/__init__.py": "SUMMARY: tuple[str, int] = ('the cat', 4)\n",
     "helper.py": "import does_not_exist\n",
     "_hidden.py": KIND.format("hidden"),
@@ -68,13 +69,14 @@ def package(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.
 
 
 def test_names_are_sorted_and_nothing_is_imported(package: str) -> None:
-    assert packages.names(package) == ("ant", "cat", "helper", "zebra")
+    assert packages.names(package) == ("ant", "bee", "cat", "helper", "zebra")
     assert not any(module.startswith(f"{package}.") for module in sys.modules)
 
 
 def test_kinds_describe_themselves_without_being_imported(package: str) -> None:
     assert packages.described(package, "SUMMARY") == {
         "ant": "the ant",
+        "bee": ("the bee",),
         "cat": ("the cat", 4),
         "zebra": "the zebra",
     }
