@@ -69,7 +69,7 @@ def catalogue(
     else:
         from recognition.catalogue.model import load
 
-        recogniser = load(model)
+        recogniser = load(model, discover=True)
         summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar)
         if keep is not None:
             recogniser.keep(

@@ -125,13 +125,14 @@ class ByModel:
         sorts: whether moments are sorted by the model's labels. Otherwise rules' events are sorted
             by the rules, and of the other moments those remain that are unknown to the model or of
             a class that it discovered.
-        discover: whether moments that are unknown, or of a discovered class, are given as well.
+        discover: whether moments that are unknown, or of a discovered class, are given as well;
+            as on the command line not by default.
         stride: time between two moments of one vehicle, s; a rule's event takes the place of the
             moments about it.
     """
 
     def __init__(
-        self, model: TRFE, *, sorts: bool, discover: bool = True, stride: float = STRIDE
+        self, model: TRFE, *, sorts: bool, discover: bool = False, stride: float = STRIDE
     ) -> None:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
@@ -302,7 +303,7 @@ def _ahead(parts: Iterator[Part]) -> Iterator[Part]:
             yield part
 
 
-def load(folder: Path, *, sorts: bool | None = None, discover: bool = True) -> ByModel:
+def load(folder: Path, *, sorts: bool | None = None, discover: bool = False) -> ByModel:
     """A recogniser by the model in a folder.
 
     Args:

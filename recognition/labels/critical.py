@@ -26,7 +26,8 @@ from runner.judging.measures.criticality import (
     rss_margin,
     time_to_collision,
 )
-from runner.judging.measures.relations import MotionRows, relations
+from runner.judging.measures.measure import Series
+from runner.judging.measures.relations import MotionRows, Relations, relations
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -87,6 +88,8 @@ _NEAR = 12.0
 """Distance (m) of centres within which pairs count whatever their speeds"""
 _WIDEST = 80.0
 """Greatest distance of pairs, m"""
+_AHEAD = 0.1
+"""Time (s) over which the approach of two bodies is taken: shorter than what drivers react to"""
 _TURN = 0.25
 """Half of the time (s) over which yaw rates are averaged"""
 _SWERVE = 2.0
@@ -324,6 +327,15 @@ def _encounters(
     least = max(round(limits.hold / step), 2)
     soon = ahead & ttc.valid & (ttc.value < limits.ttc)
     hard = ahead & drac.valid & (drac.value > limits.drac)
+    if (soon | hard).any():
+        # Extents along the heading overlap where an oblique body only reaches beside the ego.
+        approach = _approach(ego, others, between)
+        nearing = time_to_collision(between.distance, approach)
+        needed = deceleration_to_avoid_crash(between.distance, approach)
+        ttc = Series(np.maximum(ttc.value, nearing.value), ttc.valid & nearing.valid)
+        drac = Series(np.minimum(drac.value, needed.value), drac.valid & needed.valid)
+        soon &= ttc.valid & (ttc.value < limits.ttc)
+        hard &= drac.valid & (drac.value > limits.drac)
     # Neither steering nor braking could avert it: if nothing happened, sizes or places are off.
     hopeless = ahead & ttc.valid & (ttc.value < _STEERED) & drac.valid
     hopeless &= drac.value > _GRAVEST["drac"]
@@ -356,6 +368,28 @@ def _encounters(
                     start, end, when, "rss_margin", float(margin[rows].min()), 0.0, other.name
                 )
         yield from _meeting(ego, other, between.rows[own], limits)
+
+
+def _approach(ego: MotionRows, others: Sequence[MotionRows], between: Relations) -> FloatArray:
+    """Speed (m/s) at which the distance of the bodies falls if both keep their velocities.
+
+    The distance of convex bodies is a convex function of time then: distance over this speed is a
+    lower bound of the time to their collision.
+    """
+    later = relations(_later(ego), [_later(other) for other in others])
+    count = len(ego.time)
+    now, then = (seen.who * count + seen.rows for seen in (between, later))
+    _, known, found = np.intersect1d(now, then, assume_unique=True, return_indices=True)
+    approach = np.zeros(len(now))
+    approach[known] = (between.distance[known] - later.distance[found]) / _AHEAD
+    return approach
+
+
+def _later(motion: MotionRows) -> MotionRows:
+    """The same, each instant moved on along its heading."""
+    cos, sin = motion.facing
+    way = _AHEAD * motion.speed
+    return replace(motion, x=motion.x + way * cos, y=motion.y + way * sin)
 
 
 def _on_course(ego: MotionRows, rows: IntArray, ttc: FloatArray) -> BoolArray:

@@ -108,7 +108,7 @@ class Oracle:
         self.buffer.remove(found.labels > 0)
 
 
-def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = True) -> ByModel:
+def look(folder: Path, oracle: Oracle, *, sorts: bool = True, **options: bool) -> ByModel:
     """A motorway seen through an oracle, with a vehicle parked on it."""
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
@@ -120,7 +120,7 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = T
         LabelledEvent("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         LabelledEvent("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
-    recogniser = ByModel(oracle, sorts=sorts, discover=discover, stride=1.0)
+    recogniser = ByModel(oracle, sorts=sorts, stride=1.0, **options)
     shares: list[float] = []
     recogniser.look("01", recording, site_at(Path(recording.network.path)), events, shares.append)
     assert sum(shares) == pytest.approx(1.0)
@@ -130,7 +130,7 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = T
 @pytest.fixture(scope="module")
 def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
     oracle = Oracle()
-    return oracle, look(tmp_path_factory.mktemp("motorway"), oracle)
+    return oracle, look(tmp_path_factory.mktemp("motorway"), oracle, discover=True)
 
 
 def test_a_model_sees_events_and_a_regular_stride(looked: tuple[Oracle, ByModel]) -> None:
@@ -162,7 +162,7 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
 def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unknown(
     tmp_path: Path,
 ) -> None:
-    recogniser = look(tmp_path, Oracle(), sorts=False)
+    recogniser = look(tmp_path, Oracle(), sorts=False, discover=True)
     moments = recogniser.moments("01")
     (event,) = [each for each in moments if each.rule]
     assert (event.title, event.state, event.model, event.labels_agree) == (
@@ -183,7 +183,7 @@ def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unk
 def test_unknown_and_discovered_moments_are_given_on_request_only(
     tmp_path: Path, sorts: bool
 ) -> None:
-    moments = look(tmp_path, Oracle(), sorts=sorts, discover=False).moments("01")
+    moments = look(tmp_path, Oracle(), sorts=sorts).moments("01")
     assert {each.state for each in moments} <= {KNOWN}
     assert [each.rule for each in moments if each.rule] == [Label.CUT_IN]
 
@@ -228,7 +228,7 @@ def test_figures_that_are_no_shares_are_refused(tmp_path: Path, unseen: object) 
 def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_path: Path) -> None:
     oracle = Oracle(capacity=10_000)
     oracle.buffer.add(np.zeros((6, 4), np.float32), np.arange(6))
-    moments = look(tmp_path, oracle).moments("01")
+    moments = look(tmp_path, oracle, discover=True).moments("01")
     assert [each.state == KNOWN for each in moments] == [
         number % 2 == 0 for number in range(6, 6 + len(moments))
     ]

@@ -199,3 +199,26 @@ def test_measures_of_vehicles_that_overlap_from_the_beginning_are_none(tmp_path:
     ego = track("ego", ahead(50.0, 5.0, 6.0), RIGHT)
     other = track("other", ahead(52.0, 1.0, 6.0), RIGHT + 0.5)
     assert critical_moments(Recording([ego, other], STEP, None), place) == []
+
+
+@pytest.mark.parametrize(("braking", "left", "critical"), [(2.5, 8.0, False), (4.5, 1.0, True)])
+def test_measures_are_of_the_bodies_not_of_their_extents_along_the_heading(
+    braking: float, left: float, critical: bool, tmp_path: Path
+) -> None:
+    """A bus stands obliquely in a driveway, its nose 20 cm in the way of the ego, its rear off the road and
+    8.5 m nearer: the ego stops before the nose."""
+    place = site(straight_highway(length=300.0, lanes=2), tmp_path)
+    length, width, turn = 12.0, 2.5, np.radians(45.0)
+    nose = np.array([length, 0.5 * width]) - np.array([0.3 * length, 0.0])
+    corner = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ nose
+    x, y = np.array([150.0, RIGHT - 0.7]) - corner
+    bus = track(
+        "bus", np.full(len(TIME), x), y, heading=turn, category="bus", length=length, width=width
+    )
+    bus.columns["road_id"][:] = "driveway"
+    speed = np.clip(12.0 - braking * np.clip(TIME - 2.0, 0.0, None), 0.0, None)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * STEP * (speed[1:] + speed[:-1]))])
+    front = 150.0 - left - 0.7 * 4.5
+    ego = track("ego", front - way[-1] + way, RIGHT, heading=0.0)
+    found = critical_moments(Recording([ego, bus], STEP, None), place)
+    assert bool(found) == critical, found
