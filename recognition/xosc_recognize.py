@@ -384,7 +384,7 @@ def inspect(
     (exit code 3).
     """
     from recognition.catalogue.recordings import forget, inspected, listed, opened
-    from recognition.recordings.quality import REFUSED
+    from recognition.recordings.intake import REFUSED
     from recognition.recordings.source import named
 
     forget()

@@ -13,7 +13,7 @@ import numpy as np
 
 from recognition.labels.classes import Label, LabelledEvent
 from recognition.labels.critical import UNNAMED
-from recognition.recordings.quality import Exclusion
+from recognition.recordings.intake import Exclusion
 from runner.recording import Recording, Track
 from xodr.graph.network import RoadNetwork
 from xodr.model import RoadPoint

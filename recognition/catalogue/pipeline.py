@@ -36,7 +36,7 @@ from recognition.catalogue.writing.write import AUTHOR
 from recognition.labels import LabelledEvent
 from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
-from recognition.recordings.quality import REPAIRED
+from recognition.recordings.intake import REPAIRED
 from recognition.scenes import Site
 from runner.batch.pool import Workers, results
 from runner.recording import Recording

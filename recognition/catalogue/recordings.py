@@ -38,7 +38,7 @@ from recognition.labels import LabelledEvent, Rules, label
 from recognition.labels.critical import with_critical
 from recognition.labels.labelling import BY_ROLE
 from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
-from recognition.recordings.quality import REFUSED
+from recognition.recordings.intake import REFUSED
 from recognition.scenes import Roles, Site, site_of
 from recognition.scenes.cut import Scope
 from runner.engine.participants.declaration import BoundingBox

@@ -6,10 +6,10 @@ units; poses are those of the reference point (see `recognition.recordings.sourc
 
 Modules:
 
+- `conditions`: weather, daylight, surface and speed limit of recordings
 - `formats`: formats of data sets, one module or package each, found by being here
-- `intake`: intake of recordings: whether what was recorded is possible, with one verdict
+- `intake`: intake of recordings: report on reading, whether what was recorded is possible
 - `motion`: motion of recorded tracks: observations with noise
-- `quality`: report on reading a recording: gaps, cuts, exclusions
 - `road_sources`: roads of recordings without an OpenDRIVE file: highD's markings
 - `rows`: rows of recorded tracks: order, gaps, rates of change, and the tracks made of them
 - `source`: data sets of recordings: their sources, reports of what was repaired or left out
@@ -27,11 +27,11 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 
 if TYPE_CHECKING:
-    from recognition.recordings.quality import Check as Check
-    from recognition.recordings.quality import Cut as Cut
-    from recognition.recordings.quality import Exclusion as Exclusion
-    from recognition.recordings.quality import Gap as Gap
-    from recognition.recordings.quality import Report as Report
+    from recognition.recordings.intake import Check as Check
+    from recognition.recordings.intake import Cut as Cut
+    from recognition.recordings.intake import Exclusion as Exclusion
+    from recognition.recordings.intake import Gap as Gap
+    from recognition.recordings.intake import Report as Report
     from recognition.recordings.source import DataSet as DataSet
     from recognition.recordings.source import LightStates as LightStates
     from recognition.recordings.source import SiteRoad as SiteRoad
@@ -58,6 +58,6 @@ _SOURCE = dict.fromkeys(
     "recognition.recordings.source",
 )
 _REPORT = dict.fromkeys(
-    ("Check", "Cut", "Exclusion", "Gap", "Report"), "recognition.recordings.quality"
+    ("Check", "Cut", "Exclusion", "Gap", "Report"), "recognition.recordings.intake"
 )
 __getattr__, __dir__ = public(__name__, _SOURCE | _REPORT)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.recordings.quality import Exclusion, Gap, Report
+from recognition.recordings.intake import Exclusion, Gap, Report
 from recognition.recordings.source import TrackParticipant
 from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Track

@@ -14,8 +14,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-from recognition.recordings.intake import examine
-from recognition.recordings.quality import REFUSED, Report
+from recognition.recordings.conditions import OddConditions, conditions_of
+from recognition.recordings.intake import REFUSED, Report, examine
 from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording
 from schemas.common import packages, plugins
@@ -110,6 +110,7 @@ class Source:
             none.
         lights: recorded states of traffic lights, asked for after it was read; None where it has
             none.
+        odd: conditions that the data state, asked for after it was read.
         simulated: whether it is a run, in which what happened did happen: nothing is refused.
     """
 
@@ -124,6 +125,7 @@ class Source:
     given: Path | None = None
     ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
     lights: Callable[[], LightStates | None] = field(default=_no_lights, repr=False)
+    odd: Callable[[], OddConditions] = field(default=OddConditions, repr=False)
     simulated: bool = False
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
@@ -158,6 +160,14 @@ class Source:
             check.reason for check in self.report.checks if check.verdict != REFUSED
         ]
         return recording
+
+    def conditions(self) -> OddConditions:
+        """Conditions of the operational design domain, by the data and an `odd.toml`.
+
+        Raises:
+            InvalidFile: that file is malformed; names key and choices.
+        """
+        return conditions_of(self.path, self.name, self.odd())
 
     def require(self) -> None:
         """Refuse the recording if a check failed.

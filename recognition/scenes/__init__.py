@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.recordings import Check, SiteRoad, Source
-from recognition.recordings.quality import REFUSED
+from recognition.recordings.intake import REFUSED
 from recognition.scenes.lanes import LaneGraph, Strip, graph
 from recognition.scenes.ramps import LaneGuess, ramp_roles
 from recognition.scenes.roles import (

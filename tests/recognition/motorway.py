@@ -43,7 +43,7 @@ DRIVES = [
 ]
 
 
-def write_motorway(folder: Path, name: str = "01") -> Path:
+def write_motorway(folder: Path, name: str = "01", **recording: object) -> Path:
     """Write the recording; its track file."""
     cars, rows = [], []
     for drive in DRIVES:
@@ -58,4 +58,4 @@ def write_motorway(folder: Path, name: str = "01") -> Path:
             place = {"x": x - drive.length / 2, "y": y - 1.0, "xVelocity": vx, "yVelocity": vy}
             rows.append(row | place | {"frame": drive.first + frame})
             x, y = x + vx / RATE, y + vy / RATE
-    return write_highd(folder, cars, name=name, rows=rows)
+    return write_highd(folder, cars, name=name, rows=rows, **recording)

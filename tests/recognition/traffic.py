@@ -62,6 +62,7 @@ def write_highd(
     upper: str = ";".join(map(str, UPPER)),
     lower: str = ";".join(map(str, LOWER)),
     speed_limit: float = -1.0,
+    **more: object,
 ) -> Path:
     """Write the three files of a recording; the path of its track file. `rows` replaces the rows of the cars."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +76,7 @@ def write_highd(
     ]  # fmt: skip
     recording = {
         "id": 1, "frameRate": rate, "locationId": 2, "speedLimit": speed_limit, "upperLaneMarkings": upper,
-        "lowerLaneMarkings": lower,
+        "lowerLaneMarkings": lower, **more,
     }  # fmt: skip
     write_csv(folder / f"{name}_tracksMeta.csv", meta)
     write_csv(folder / f"{name}_recordingMeta.csv", [recording])

@@ -76,6 +76,8 @@ def chosen(text: str) -> list[str]:
         ("ego_speed > gap and ego_speed <> 25.2", "13"),
         ("ego_speed not between -1e1 and 30", "4"),
         ("ego_speed between 25.1 and 50", "24"),
+        ("ego_speed > 90.36 km/h", "24"),
+        ("ego_speed between 1mph and 25.1 m/s", "13"),
     ],
 )
 def test_conditions_choose_rows(text: str, rows: str) -> None:

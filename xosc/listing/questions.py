@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 _LONGEST, _DEEPEST = 4000, 40
 """Characters of a condition, and brackets in each other, at most"""
+_SPEEDS = {"km/h": 1.0 / 3.6, "mph": 0.44704, "m/s": 1.0}
+"""Units of speed that may follow a number, in that of columns"""
 _TOKEN = re.compile(
-    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<text>'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\")"
+    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?:\s*(?:km/h|mph|m/s)(?!\w))?)|(?P<text>'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\")"
     r"|(?P<name>[A-Za-z_]\w*)|(?P<sign><=|>=|<>|!=|==|=|<|>|\(|\)|,)"
 )
 _WORDS = frozenset(("and", "or", "not", "between", "in", "is", "null", "like", "true", "false"))
@@ -56,7 +58,7 @@ class Question(NamedTuple):
 def condition(text: str, schema: pa.Schema) -> Question:
     """Return the condition that a text states on rows of a schema.
 
-    Columns, numbers, texts in quotes, `true` and `false` are compared by =, !=, <, <=, >, >=,
+    Columns, numbers (speeds also as `100 km/h`), texts in quotes, `true` and `false` are compared by =, !=, <, <=, >, >=,
     `between … and …`, `in (…)`, `like '…%'` and `is [not] null`, and joined by `and`, `or`, `not`
     and brackets. Absent values match `is null` alone.
 
@@ -232,7 +234,7 @@ class _Parser:
         token = self._here
         self._next += token.kind != "end"
         if token.kind == "number":
-            return _Operand(pc.scalar(float(token.text)), "number", token)
+            return _Operand(pc.scalar(_number(token.text)), "number", token)
         if token.kind == "text":
             return _Operand(pc.scalar(_unquoted(token.text)), "text", token)
         if token.text in ("true", "false") and token.kind == "word":
@@ -246,6 +248,12 @@ class _Parser:
             )
         self._columns[token.text] = None
         return _Operand(pc.field(token.text), kind, token)
+
+
+def _number(text: str) -> float:
+    """A number, in m/s where it is followed by a unit of speed."""
+    unit = next((name for name in _SPEEDS if text.endswith(name)), "")
+    return float(text.removesuffix(unit)) * _SPEEDS.get(unit, 1.0)
 
 
 def _unquoted(text: str) -> str:

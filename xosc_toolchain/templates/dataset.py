@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.source import Source, participant
 from recognition.recordings.table import Kind, read_table

@@ -52,6 +52,9 @@ COLUMNS: dict[str, type] = {
     "road_kind": str,
     "limit": float,
     "light": str,
+    "weather": str,
+    "daylight": str,
+    "surface": str,
     "ego_speed": float,
     "partner_speed": float,
     "closing_speed": float,
@@ -85,6 +88,8 @@ alone`, `model alone` or `measures`. severity: of the critical moment, from 0 to
 measures (critical) and other participants (others). why: conditions with values, lanes before and
 after. partial: recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time.
 light: recorded state then of the traffic light that the ego passes, in the words of the data set.
+weather, daylight, surface: of the recording, `unknown` where nothing states them
+(`recognition.recordings.conditions`).
 Speeds and closing speed (m/s) and gap along the road (m) of ego and partner at that time. Least THW
 and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time, blank where their boxes
 touch (pair_touches), DRAC also above 20 m/s². Where from, with the quality of the recording from 0

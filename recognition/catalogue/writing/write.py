@@ -22,6 +22,7 @@ from recognition.labels.classes import Label
 from recognition.labels.maneuvers.events import Maneuvers
 from recognition.labels.maneuvers.maneuver import Span
 from recognition.recordings import Source
+from recognition.recordings.conditions import OddConditions
 from recognition.scenes import Site
 from recognition.scenes.cut import EGO, Excerpt, Part, SceneCutter, Scope
 from recognition.scenes.roles import ROLES
@@ -94,13 +95,16 @@ def _motion(part: Part, scene: Excerpt) -> MotionRows:
     return replace(moving, kind=part.track.kind, category=part.track.category, mass=part.track.mass)
 
 
-def tags(name: str, title: str, scene: Excerpt, facts: Mapping[str, Any]) -> list[Tag]:
+def tags(
+    name: str, title: str, scene: Excerpt, facts: Mapping[str, Any], conditions: OddConditions
+) -> list[Tag]:
     """The tags of a scenario.
 
     Args:
         name: of the scenario.
         title: of its class.
         facts: what else is known, by the names of the index's columns; None is left out.
+        conditions: of the recording.
     """
     named = {**facts, **{f"rule_{key}": value for key, value in facts["tags"].items()}}
     own = [
@@ -109,6 +113,10 @@ def tags(name: str, title: str, scene: Excerpt, facts: Mapping[str, Any]) -> lis
         if value is not None and key != "tags"
     ]
     asam = ontology_tags(title, {part.track.category for part in scene.parts})
+    asam += [Tag(kind, None, ASAM) for kind in conditions.classes()]
+    if facts["ego_speed"] is not None:
+        # A whole number of km/h is all that the class takes.
+        asam.append(Tag("SubjectVehicleSpeed", round(3.6 * abs(facts["ego_speed"])), ASAM))
     return [*asam, Tag("scenarioName", name, ASAM), Tag("Ego", EGO), *own]
 
 
@@ -224,6 +232,7 @@ class Material:
         scenes: cuts scenes.
         maneuvers: measures manoeuvres.
         lights: recorded states of traffic lights, if any.
+        conditions: weather, daylight, surface.
         quality: of the recording, from 0 to 1.
     """
 
@@ -231,10 +240,11 @@ class Material:
         self, source: Source, recording: Recording, site: Site, scope: Scope, quality: float = 1.0
     ) -> None:
         self.source, self.site, self.quality = source, site, quality
-        self.scenes, self.maneuvers, self.lights = (
+        self.scenes, self.maneuvers, self.lights, self.conditions = (
             SceneCutter(recording, scope),
             Maneuvers(recording, site),
             source.lights(),
+            source.conditions(),
         )
 
 
@@ -293,7 +303,8 @@ class CatalogWriter:
     def _write(self, context: _Context) -> None:
         episode, scene = context.episode, context.scene
         facts = _facts(context, self._sorted_by)
-        tagged = tags(episode.name, episode.title, scene, facts)
+        conditions = context.material.conditions
+        tagged = tags(episode.name, episode.title, scene, facts, conditions)
         described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.material.source.name}"
         properties = xosc_tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
         header = FileHeader(
@@ -465,6 +476,7 @@ def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
         "others": (", ".join(moment.participants) or None) if moment is not None else None,
         "partial": bool(moment.tags.get("partial", False)) if moment is not None else None,
         **_pair(context),
+        **context.material.conditions.columns(),
         "passage": episode.passage,
         "data_set": source.format,
         "site": source.site,
@@ -503,7 +515,8 @@ def _pair(context: _Context) -> dict[str, Any]:
     if lanes.contains(strip, s, ego.columns["lane_offset"][at : at + 1])[0]:
         limit = float(lanes.speed_limit[strip[0]])
         pair["road_kind"] = str(ROLES[site.roles.codes(lanes, strip, s)[0]])
-        pair["limit"] = round(limit, 3) if math.isfinite(limit) else None
+        given = limit if math.isfinite(limit) else context.material.conditions.limit
+        pair["limit"] = None if given is None else round(given, 3)
     lights = context.material.lights
     pair["light"] = lights.ahead(ego, finding.moment.time) if lights is not None else None
     partner = recording.tracks.get(finding.moment.partner or "")

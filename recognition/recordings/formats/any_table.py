@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.rows import (
     Clock,
     Rows,

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from recognition.recordings.intake import Exclusion, Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import (
     Clock,

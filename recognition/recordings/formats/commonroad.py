@@ -11,7 +11,7 @@ import math
 import re
 import tarfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -19,8 +19,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from lxml import etree
 
+from recognition.recordings.conditions import UNKNOWN, OddConditions
+from recognition.recordings.intake import Exclusion, Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import keep_road
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
@@ -66,6 +67,13 @@ _OTHERS = (
     "planningProblem",
 )
 """Other elements of a scenario."""
+_WEATHER = {
+    "sunny": "clear", "cloudy": "cloudy", "light_rain": "rain", "mid_rain": "rain", "heavy_rain": "rain",
+    "fog": "fog", "snow": "snow", "hail": "hail",
+}  # fmt: skip
+_TIMES = {"day": "day", "night": "night"}
+_UNDERGROUND = {"wet": "wet", "snow": "snow", "ice": "icy", "dirty": "contaminated"}
+"""Conditions by the words of the format (2020a, environment)"""
 _MOMENTS = ("initialState", "state", "occupancy")
 _LATEST = 100_000
 """Last time step that is read: hours, where scenarios last for seconds."""
@@ -329,7 +337,21 @@ def _source(path: Path, member: str | None) -> Source:
     named = _ID.fullmatch(Path(name).name)
     site = named["site"] if named else name
     read, map_ = partial(_read, path, member), None if member else path
-    return Source(name, site, FORMAT, path, read, map_, road=partial(_road, path, member, site))
+    road, odd = partial(_road, path, member, site), partial(_conditions, path, member)
+    return Source(name, site, FORMAT, path, read, map_, road=road, odd=odd)
+
+
+def _conditions(path: Path, member: str | None) -> OddConditions:
+    """The environment of a scenario's location."""
+    root = document(path, member)
+
+    def told(name: str, values: Mapping[str, str]) -> str:
+        text = (root.findtext(f"location/environment/{name}") or "").strip()
+        return values.get(text, UNKNOWN)
+
+    return OddConditions(
+        told("weather", _WEATHER), told("timeOfDay", _TIMES), told("underground", _UNDERGROUND)
+    )
 
 
 def _read(path: Path, member: str | None) -> tuple[Recording, Report]:

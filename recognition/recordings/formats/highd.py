@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.conditions import OddConditions, daylight_of
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import Highway
 from recognition.recordings.rows import (
     Clock,
@@ -59,6 +60,8 @@ _RECORDING: dict[str, Kind] = {
 _SIZES = ("width", "height")
 _CATEGORIES = {"car": "car", "truck": "truck"}
 _UPPER, _LOWER = 1, 2
+_PLACE = (50.9, 7.0)
+"""Latitude and longitude (degrees) about which all recordings of the data set were made: Cologne"""
 _NO_LIMIT = -1.0
 _STEADY = 5.0
 """Below this speed (m/s) the boxes' lateral noise would turn slow vehicles: they head along the
@@ -84,8 +87,13 @@ def sources(path: Path, roads: Path) -> list[Source]:
             FORMAT,
             path,
             partial(_read, path, roads),
+            odd=partial(_conditions, path),
         )
     ]
+
+
+def _conditions(path: Path) -> OddConditions:
+    return OddConditions(daylight=daylight_of(beside(path, "recordingMeta"), *_PLACE))
 
 
 def _read(path: Path, roads: Path) -> tuple[Recording, Report]:

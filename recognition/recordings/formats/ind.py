@@ -17,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.conditions import OddConditions, daylight_of
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
     Clock,
@@ -103,8 +104,18 @@ def sources(path: Path, roads: Path) -> list[Source]:
             lanelets,
             origin,
             road,
+            odd=partial(_conditions, path, origin),
         )
     ]
+
+
+def _conditions(path: Path, origin: tuple[float, float]) -> OddConditions:
+    meta = beside(path, "recordingMeta")
+    limit = None
+    if "speedLimit" in column_names(meta):
+        stated = float(read_table(meta, {"speedLimit": "optional"})["speedLimit"][0])
+        limit = stated if stated > 0.0 else None
+    return OddConditions(daylight=daylight_of(meta, *origin), limit=limit)
 
 
 def _map(path: Path, location: int) -> Path | None:

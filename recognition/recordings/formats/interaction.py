@@ -24,9 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.recordings.intake import MOVED, one_factor
+from recognition.recordings.intake import MOVED, REPAIRED, Check, Report, one_factor
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import REPAIRED, Check, Report
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
     Clock,

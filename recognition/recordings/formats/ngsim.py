@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import keep_road, straight_road
 from recognition.recordings.rows import (
     Clock,

@@ -13,6 +13,7 @@ arcs, with what leads to what. Singapore has left-hand traffic.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -21,8 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.recordings.conditions import UNKNOWN, OddConditions
+from recognition.recordings.intake import Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import Clock, check_sizes, columns_of, cut, in_order, rate
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
@@ -98,9 +100,23 @@ def sources(path: Path, roads: Path) -> list[Source]:
                 map_,
                 road=road,
                 ego=lambda: EGO,
+                odd=partial(_conditions, path, row),
             )
         )
     return recordings
+
+
+def _conditions(path: Path, row: int) -> OddConditions:
+    """Rain and night, which descriptions of scenes name."""
+    try:
+        text = str(read_records(path, {"description": "text"})["description"][row])
+    except InvalidFile:  # a table of scenes without descriptions states nothing
+        return OddConditions()
+    words = set(re.findall(r"[a-z]+", text.lower()))
+    return OddConditions(
+        "rain" if words & {"rain", "rainy", "raining"} else UNKNOWN,
+        "night" if "night" in words else UNKNOWN,
+    )
 
 
 def _map(path: Path, location: str) -> Path | None:

@@ -7,12 +7,15 @@ smoothing. Needs the extra `osi`.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from recognition.recordings.quality import Exclusion, Gap, Report
+from recognition.recordings.conditions import UNKNOWN, OddConditions, phase_of
+from recognition.recordings.intake import Exclusion, Gap, Report
 from recognition.recordings.source import SiteRoad, Source
 from runner.exchange.traces.maps import road_of
 from runner.exchange.traces.reading import TraceRecording
@@ -24,6 +27,8 @@ from schemas.osi.traces import SUFFIXES
 FORMAT = "OSI"
 TITLE = "ASAM OSI traces (.osi, .mcap; omega-prime)"
 BY_CONTENT = False
+_SNOW = 274.15
+"""Temperature (K) below which precipitation is snow"""
 _LATE = 1.5
 """Steps after which messages are missing between two rows of a track"""
 
@@ -44,6 +49,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
             partial(_read, path),
             road=partial(_road, path),
             ego=partial(_ego, path),
+            odd=partial(_conditions, path),
         )
     ]
 
@@ -57,6 +63,24 @@ def _trace(path: Path, _version: int) -> TraceRecording:
 def _ego(path: Path) -> str | None:
     """Name of the host vehicle of a trace; None where it names none."""
     return _trace(path, path.stat().st_mtime_ns).ego
+
+
+def _conditions(path: Path) -> OddConditions:
+    return conditions_in(_trace(path, path.stat().st_mtime_ns).truth.environmental_conditions)
+
+
+def conditions_in(told: Any) -> OddConditions:
+    """Rain, snow, fog and daylight of OSI's EnvironmentalConditions."""
+    weather = UNKNOWN
+    if told.precipitation > told.PRECIPITATION_NONE:
+        # The message has one kind of precipitation; what falls below 1 °C is snow.
+        weather = "snow" if 0.0 < told.temperature < _SNOW else "rain"
+    elif told.fog >= told.FOG_MIST:
+        weather = "fog"
+    elif told.precipitation == told.PRECIPITATION_NONE:
+        weather = "clear"
+    sun = math.degrees(told.sun.elevation) if told.HasField("sun") else None
+    return OddConditions(weather, UNKNOWN if sun is None else phase_of(sun))
 
 
 def _read(path: Path) -> tuple[Recording, Report]:

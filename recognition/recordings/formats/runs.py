@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.recordings.quality import Report
+from recognition.recordings.intake import Report
 from recognition.recordings.rows import Clock, cut, in_order
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant
 from recognition.recordings.table import Kind, read_table

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.recordings.formats.interaction import made_of, median_step, tracks_of
-from recognition.recordings.quality import Report
+from recognition.recordings.intake import Report
 from recognition.recordings.rows import Clock
 from recognition.recordings.source import Source
 from recognition.recordings.table import Kind, Table, read_table

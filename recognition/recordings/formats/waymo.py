@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.recordings.intake import Exclusion, Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.source import (

@@ -9,10 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.recordings.intake import MOVED, check_ratio, ratio_of_speeds, steps_compared
+from recognition.recordings.intake import (
+    MOVED,
+    Check,
+    Cut,
+    Exclusion,
+    Report,
+    check_ratio,
+    ratio_of_speeds,
+    steps_compared,
+)
 from recognition.recordings.motion import motion_models
 from recognition.recordings.motion.observations import Bounds, Noise, Observations, deviation
-from recognition.recordings.quality import Check, Cut, Exclusion, Report
 from recognition.recordings.rows import Columns, Parted, Rows, parted
 from recognition.recordings.source import TrackParticipant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray

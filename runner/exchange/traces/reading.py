@@ -76,7 +76,8 @@ class TraceRecording:
     Attributes:
         recording: its tracks, without a road network.
         ego: name of the host vehicle; None where the trace names none that is there.
-        truth: the lanes, boundaries and references of all its messages, as one GroundTruth.
+        truth: the lanes, boundaries and references of all its messages, and the environmental
+            conditions of the first that has some, as one GroundTruth.
         remarks: what was assumed or derived, one sentence each.
         left_out: what the recording lacks.
     """
@@ -167,6 +168,10 @@ class _Collected:
                 setattr(kept, name, getattr(truth, name))
         if truth.HasField("proj_frame_offset") and not kept.HasField("proj_frame_offset"):
             kept.proj_frame_offset.CopyFrom(truth.proj_frame_offset)
+        if truth.HasField("environmental_conditions") and not kept.HasField(
+            "environmental_conditions"
+        ):
+            kept.environmental_conditions.CopyFrom(truth.environmental_conditions)
         for name, known in self._lines.items():
             for message in getattr(truth, name):
                 if message.id.value not in known:

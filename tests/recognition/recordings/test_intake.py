@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import recognition.recordings as datasets
-from recognition.recordings.quality import REFUSED, REPAIRED
+from recognition.recordings.intake import REFUSED, REPAIRED
 from recognition.recordings.source import participant
 from schemas.common.errors import InvalidFile
 from tests.commands import Command

@@ -25,7 +25,7 @@ MEASURES = {
     "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s", "severity": "", "confidence": "", "time": "s",
 }  # fmt: skip
 """Columns of the index that the page filters, orders and counts by, with their units"""
-_NAMES = ("class", "site", "trust", "road_kind", "road", "state")
+_NAMES = ("class", "site", "trust", "road_kind", "weather", "daylight", "surface", "road", "state")
 """Columns with few different values"""
 _TEXTS = ("file", "maneuver", "vehicle", "partner", "why", "critical")
 FILM_STEP = 0.5
