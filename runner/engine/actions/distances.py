@@ -8,23 +8,29 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from runner.engine.actions.lateral import follow_road
 from runner.engine.actions.speed import set_speed
+from runner.engine.compile.batch import BatchSteps
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Rest, Running
 from runner.engine.motion import spacing
-from runner.engine.motion.dynamics import GapController, read_constraints, tighter
+from runner.engine.motion.dynamics import GapController, gap_speeds, read_constraints, tighter
 from runner.engine.motion.following import PathMotion
 from runner.engine.motion.placement import wrap
 from runner.engine.participants.boxes import box_corners
 from runner.engine.participants.declaration import Performance
 from runner.engine.participants.entity import Entity
+from schemas.common.array_types import BoolArray, FloatArray
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
+    from runner.engine.participants.rows import EntityRows
 
 
 _SIDES = {"trailingReferencedEntity": 1, "leadingReferencedEntity": -1, "any": 0}
@@ -101,6 +107,10 @@ class LongitudinalDistanceAction(PrivateAction):
             run,
         )
         return _Rigid(gap) if self.continuous else None
+
+    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+        """The controllers of many runs; a rigid distance is kept run by run."""
+        return _Approaches(self, actor, run) if self.constraints is not None else None
 
 
 def read_system(node: Node) -> str:
@@ -210,6 +220,21 @@ class _Approach(Running):
         self._controller = GapController(limits)
         self._continuous = continuous
 
+    @property
+    def goal(self) -> LongitudinalDistanceAction:
+        """The action, with the distance of its run."""
+        return self._gap.action
+
+    @property
+    def side(self) -> int:
+        """1 where the actor is to be behind the reference, −1 ahead of it."""
+        return self._gap.side
+
+    @property
+    def limits(self) -> tuple[float, ...]:
+        """Numbers of the controller."""
+        return self._controller.numbers
+
     def follows(self) -> Entity | None:
         """The reference."""
         return self._gap.action.reference
@@ -229,6 +254,53 @@ class _Approach(Running):
     def rest(self) -> Rest | None:
         """The distance; None where it is kept without end, or is undefined."""
         return None if self._continuous else _apart(self._gap.error(), _REACHED)
+
+
+class _Approaches(BatchSteps):
+    """`_Approach` of an actor in many runs."""
+
+    def __init__(
+        self, action: LongitudinalDistanceAction, actor: EntityRows, run: BatchRun
+    ) -> None:
+        self._action, self._actor, self._run = action, actor, run
+        self._distance, self._time_gap = np.zeros(run.n), np.zeros(run.n)
+        self._side = np.ones(run.n)
+        self._limits = np.zeros((run.n, 7))
+        run.own(self)
+
+    def begin(self, row: int, running: _Approach) -> None:
+        """Take in the goal, the side and the limits of a run."""
+        goal = running.goal
+        self._distance[row], self._time_gap[row] = goal.distance or 0.0, goal.time_gap
+        self._side[row], self._limits[row] = running.side, running.limits
+
+    def step(self, rows: BoolArray, dt: float) -> BoolArray:
+        """Ask for the controllers' speeds; where there is no way to the reference the speed stays."""
+        actor, action = self._actor, self._action
+        reference = self._run.entities[action.reference.name]
+        ahead = spacing.ahead_batch(self._run.roads, actor, reference, action.system, rows)
+        goal = self._distance + self._time_gap * np.abs(reference.speed)
+        if action.freespace:
+            goal += self._overhang(reference)
+        error = ahead - self._side * goal
+        known = rows & ~np.isnan(error)
+        limits = self._limits.T
+        wanted = gap_speeds(limits, known, error, actor.speed, reference.speed, dt)
+        actor.target_speed = np.where(known, np.maximum(wanted, 0.0), actor.target_speed)
+        done: BoolArray = known & (np.abs(error) < _REACHED)
+        return done & (not action.continuous)
+
+    def _overhang(self, reference: EntityRows) -> FloatArray:
+        """`_Gap._overhang` in the runs (n,)."""
+        actor, box = self._actor, reference.box
+        angle = np.remainder(reference.h - actor.h + math.pi, math.tau) - math.pi
+        if self._action.system != "entity":
+            angle = np.where(np.abs(angle) <= math.pi / 2, 0.0, math.pi)
+        c, s = np.cos(angle), np.sin(angle)
+        middle = box.x * c - box.y * s
+        half = (box.length * np.abs(c) + box.width * np.abs(s)) / 2
+        front, rear = actor.declared.front, actor.declared.front - actor.box.length
+        return np.where(self._side > 0, front - (middle - half), middle + half - rear)
 
 
 def _apart(error: float | None, tolerance: float) -> Rest | None:

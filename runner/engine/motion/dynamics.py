@@ -18,7 +18,7 @@ import numpy as np
 from runner.engine.participants.declaration import Performance
 
 if TYPE_CHECKING:
-    from schemas.common.array_types import FloatArray
+    from schemas.common.array_types import BoolArray, FloatArray
     from xosc.document.node import Node
 
 EPSILON = 1e-9
@@ -289,6 +289,16 @@ class GapController:
         )
         return self._acceleration
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Accelerations ahead and back, jerk, limits of speed, deceleration rate and acceleration
+        rate, and the present acceleration, as `gap_speeds` takes them."""
+        limits = self._limits
+        rates = limits.max_deceleration_rate, limits.max_acceleration_rate
+        return (
+            self._ahead, self._back, self._jerk, limits.max_speed, *rates, self._acceleration
+        )  # fmt: skip
+
 
 def _safe_closing(gap: float, brake: float, slope: float) -> float:
     far = abs(gap)
@@ -297,6 +307,44 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
     # Line and root meet at gap = brake / slope² with the same slope: the closing speed has no kink.
     knee = brake / slope
     return math.copysign(math.sqrt(2.0 * brake * far - knee * knee), gap)
+
+
+def gap_speeds(
+    controllers: FloatArray,
+    rows: BoolArray,
+    gap: FloatArray,
+    speed: FloatArray,
+    goal_speed: FloatArray,
+    dt: float,
+) -> FloatArray:
+    """Speeds (n,) of `GapController` in many runs.
+
+    Args:
+        controllers: numbers (7, n) of the controller of each run, as of `GapController.numbers`;
+            the present acceleration is changed in place.
+        rows: runs in which it is at work (n,). gap, speed, goal_speed, dt: as of
+            `GapController.speed`, (n,).
+    """
+    ahead, back, jerk, fastest, slowing, rising, before = controllers
+    free = np.isinf(ahead)
+    forward = gap > 0.0
+    drive, brake = np.where(forward, ahead, back), np.where(forward, back, ahead)
+    strongest = np.maximum(drive, brake)
+    closing, far = speed - goal_speed, np.abs(gap)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of runs without these limits
+        root = np.sqrt(0.4 * brake)
+        root = np.where(strongest > 0.0, np.minimum(root, jerk / strongest), root)
+        safe, slope = RESERVE * brake, root / 2.0
+        knee = safe / slope
+        fast = np.copysign(np.sqrt(2.0 * safe * far - knee * knee), gap)
+        wanted = np.where(slope * slope * far <= safe, slope * gap, fast)
+        steered = np.minimum(np.maximum(2.0 * root * (wanted - closing), -back), ahead)
+        steered = np.maximum(steered, before - slowing * dt)
+        steered = np.minimum(steered, before + rising * dt)
+        controllers[6] = np.where(rows & ~free, steered, before)
+        target = np.where(free, goal_speed + gap / dt, speed + steered * dt)
+    held: FloatArray = np.minimum(np.maximum(target, -fastest), fastest)
+    return held
 
 
 class Easing:

@@ -371,6 +371,19 @@ def directed_batch(
     return side * gap, known
 
 
+def ahead_batch(
+    roads: Roads, a: EntityRows, b: EntityRows, system: str, rows: BoolArray
+) -> FloatArray:
+    """`longitudinal` between reference points in some runs; NaN where it is undefined, and in the
+    others (n,)."""
+    found, known = directed_batch(a, b, True, system, False)
+    found = np.where(known & rows, found, np.nan)
+    for row in np.flatnonzero(rows & ~known):
+        value = longitudinal(roads, a.load(row), b.load(row), system, False)
+        found[row] = np.nan if value is None else value
+    return found
+
+
 def _extent_batch(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray]:
     """Extent of boxes along or across a straight road, m from the reference point (n,)."""
     turn, box = rows.h - rows.start_h, rows.box

@@ -32,6 +32,13 @@ KEPT = """<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityR
  distance="$Varied" freespace="true" continuous="true" displacement="leadingReferencedEntity"
  coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" maxDeceleration="4" maxSpeed="30"/>
 </LongitudinalDistanceAction></LongitudinalAction></PrivateAction>"""
+GAP_IN_TIME = (
+    KEPT.replace('distance="$Varied" ', 'timeGap="${$Varied / 10}" ')
+    .replace("leading", "trailing")
+    .replace('freespace="true" continuous="true"', 'freespace="false" continuous="false"')
+    .replace('maxSpeed="30"', 'maxSpeed="30" maxAccelerationRate="3" maxDecelerationRate="$Varied"')
+)
+IN_ITS_AXES = KEPT.replace('System="lane"', 'System="entity"').replace('maxDeceleration="4" ', "")
 TELEPORT = """<PrivateAction><TeleportAction><Position>
 <LanePosition roadId="1" laneId="-2" s="${160 + $Varied}"/></Position></TeleportAction></PrivateAction>"""
 BESIDE = """<PrivateAction><LateralAction><LaneOffsetAction continuous="false">
@@ -71,7 +78,9 @@ def compared(path: Path, *values: float) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    "action", [TRAJECTORY, MEETING, PROFILE, KEPT], ids=lambda text: text[15:60]
+    "action",
+    [TRAJECTORY, MEETING, PROFILE, KEPT, GAP_IN_TIME, IN_ITS_AXES],
+    ids=("trajectory", "meeting", "profile", "kept", "gap in time", "in its axes"),
 )
 def test_actions_that_are_executed_run_by_run_are_those_of_the_interpreter(
     tmp_path: Path, action: str

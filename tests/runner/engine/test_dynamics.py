@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,6 +17,7 @@ from runner.engine.motion.dynamics import (
     SHAPES,
     GapController,
     TransitionDynamics,
+    gap_speeds,
     read_constraints,
     tighter,
 )
@@ -236,3 +238,24 @@ def test_without_limits_of_acceleration_the_gap_closes_as_fast_as_the_speed_allo
     gaps, speeds = close(1.0, 0.0, Performance(2.0), 1.0)
     assert speeds[1] == 2.0
     assert gaps[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_controllers_of_many_runs_close_gaps_as_single_ones() -> None:
+    random = np.random.default_rng(5)
+    n = 300
+    limits = np.where(random.random((n, 5)) < 0.3, np.inf, random.uniform(0.0, 8.0, (n, 5)))
+    limits[:, 0] = 60.0
+    singles = [GapController(Performance(*map(float, row))) for row in limits]
+    numbers = np.array([single.numbers for single in singles]).T.copy()
+    gap, speed = random.normal(0.0, 15.0, n), random.uniform(0.0, 30.0, n)
+    goal = random.uniform(0.0, 30.0, n)
+    rows = random.random(n) < 0.8
+    for _ in range(50):
+        found = gap_speeds(numbers, rows, gap, speed, goal, DT)
+        for row in np.flatnonzero(rows):
+            told = singles[row].speed(float(gap[row]), float(speed[row]), float(goal[row]), DT)
+            assert found[row] == pytest.approx(told, rel=1e-12, abs=1e-12)
+        speed = np.where(rows, found, speed)
+        gap += (goal - speed) * DT
+    for row in np.flatnonzero(~rows):
+        assert numbers[6, row] == 0.0
