@@ -44,7 +44,21 @@ def command(
     density: Density = "kde",
     pin: Pin = None,
     timestep: Timestep = 0.05,
+    arrays: Annotated[
+        bool,
+        typer.Option(
+            "--arrays/--no-arrays",
+            help="Play in arrays, kinematically, if the scenario plays so; else each run is SUMO's.",
+        ),
+    ] = True,
     jobs: Jobs = 2,
+    likelihoods: Annotated[
+        bool,
+        typer.Option(
+            "--likelihoods/--no-likelihoods",
+            help="Table of the densities' held-out likelihoods: the flow takes minutes.",
+        ),
+    ] = True,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
     quiet: Quiet = False,
     _verbose: Verbose = False,
@@ -61,7 +75,7 @@ def command(
     names = _methods(methods)
     samples = of_recordings(recorded, kind or kind_of(scenario))
     settings = StudySettings(
-        sut, budget, density, timestep=timestep, pinned=parameters_of(pin or [])
+        sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []), arrays=arrays
     )
     with (
         interruptible(NAME, "the same command continues"),
@@ -71,7 +85,7 @@ def command(
         with progress_bar("simulator calls", len(pending) * budget, quiet) as progress:
             for _ in study.run(pending, progress):
                 pass
-        _write(study, figures, quiet)
+        _write(study, likelihoods, figures, quiet)
 
 
 def _methods(chosen: list[str] | None) -> list[str] | None:
@@ -83,10 +97,10 @@ def _methods(chosen: list[str] | None) -> list[str] | None:
     return chosen
 
 
-def _write(study: Study, figures: bool, quiet: bool) -> None:
+def _write(study: Study, likelihoods: bool, figures: bool, quiet: bool) -> None:
     from studies.generation.comparison.report import write_report
 
-    tables = write_report(study)
+    tables = write_report(study, likelihoods)
     if figures:
         from studies.generation.comparison.figures import write_figures
 

@@ -54,27 +54,35 @@ def title(name: str) -> str:
     return METHODS[name].title + (" †" if METHODS[name].realistic else "")
 
 
-def _tables(study: Study, last: Results, complete: Results) -> list[Table]:
+def _tables(study: Study, last: Results, complete: Results, likelihoods: bool) -> list[Table]:
     """All tables for which there are results."""
     header = ("", *FIGURES.values())
+    theta, recordings = study.recorded.theta, study.recorded.recordings
     found = [
         Table(
             "generated",
             "What the methods generate",
             _LAST_NOTE,
-            (*header, "avoidable"),
+            (*header, "avoidable", "seeds"),
             _rows(last, study),
         ),
-        Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(complete)),
+        Table(
+            "calls",
+            "What the methods spend their calls on",
+            _ALL_NOTE,
+            (*header, "seeds"),
+            _rows(complete),
+        ),
         reconstruction.overall(study.recorded.errors),
         trajectories.table(study),
-        densities.comparison(study.recorded.theta, study.recorded.recordings),
+        *([densities.comparison(theta, recordings)] if likelihoods else []),
     ]
     return [table for table in found if table.rows]
 
 
 def _rows(found: Results, study: Study | None = None) -> list[tuple[str, ...]]:
-    """A row for each method; with a study, the share of avoidable collisions at the end."""
+    """A row for each method, with its seeds; with a study, the share of avoidable collisions
+    before them."""
     rows = []
     for name, seeds in found.items():
         row = [
@@ -84,7 +92,7 @@ def _rows(found: Results, study: Study | None = None) -> list[tuple[str, ...]]:
         if study is not None:
             shares = [study.avoidable(Key(name, seed)) for seed in seeds]
             row.append(spread((share for share in shares if share is not None), 2))
-        rows.append(tuple(row))
+        rows.append((*row, str(len(seeds))))
     return rows
 
 
@@ -92,11 +100,16 @@ def _cell(values: list[float]) -> str:
     return spread(values, 1 if max(abs(value) for value in values) >= 10.0 else 3)
 
 
-def write_report(study: Study) -> list[Table]:
+def write_report(study: Study, likelihoods: bool = True) -> list[Table]:
     """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the
-    tables."""
+    tables.
+
+    Args:
+        likelihoods: whether the table of held-out likelihoods is among them; to fit the flow takes
+            minutes.
+    """
     last, complete = results(study), results(study, complete=True)
-    found = _tables(study, last, complete)
+    found = _tables(study, last, complete, likelihoods)
     text = "\n".join(
         [
             f"# Results of generation\n\n{_introduction(study, last)}\n",

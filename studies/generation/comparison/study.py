@@ -6,17 +6,19 @@ import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
 
-from generation.search.outcomes import CAREFUL, Evaluate, Evaluator
+from generation.search.outcomes import CAREFUL, Evaluate, Evaluator, Outcomes
+from generation.search.plays import ArrayPlays
 from generation.search.problem import (
     History,
     Memory,
+    Plays,
     Realism,
     Reward,
     SearchProblem,
@@ -26,13 +28,15 @@ from generation.search.problem import (
 from generation.space.density.prior import Prior
 from generation.space.recorded import Recorded
 from generation.space.space import Space
+from recognition.trfe.training.windows import seeded
 from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.array_types import FloatArray
-from schemas.common.errors import UsageError
+from schemas.common.errors import Unsupported, UsageError
 from studies.generation.comparison.measures import avoided
 from studies.generation.knots.motion import knots_of
 from studies.generation.knots.problem import Trajectories
 from studies.generation.knots.scenario import setting_of, write
+from studies.generation.lockstep import as_ended
 from studies.generation.methods import METHODS, TRAJECTORIES
 from studies.recognition.protocol.store import Key as Place
 from studies.recognition.protocol.store import Store
@@ -49,6 +53,8 @@ class StudySettings:
         weight: of realism in the reward.
         rss: name of the RSS parameter set. timestep: s.
         pinned: values of parameters that are not searched.
+        arrays: whether plays in arrays answer, kinematically, if the scenario plays so; else each
+            run is SUMO's.
     """
 
     sut: str = DEFAULT_SYSTEM
@@ -58,6 +64,11 @@ class StudySettings:
     rss: str = "ad-rss"
     timestep: float = RunSettings.timestep
     pinned: dict[str, str] = field(default_factory=dict)
+    arrays: bool = True
+
+
+_BESIDE = 24
+"""Searches side by side, but for those of one seed, which always are"""
 
 
 class Key(NamedTuple):
@@ -105,7 +116,7 @@ class Study:
             {**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()}
         )
         self._processes, self._stack = processes, ExitStack()
-        self._careful: dict[Path, Evaluate] = {}
+        self._made: dict[tuple[str, Path], Evaluate] = {}
         self._evaluators = evaluators or self._simulator
         prior = samples.prior(self.space, settings.density)
         self.problem = self._posed(scenario, self.space, self.recorded.theta, prior)
@@ -135,29 +146,51 @@ class Study:
     def run(
         self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None
     ) -> Iterator[Key]:
-        """Make searches; each is given back when it is on disk. `progress` is called with the
-        number of points just evaluated."""
+        """Make searches, some side by side; each is given back when it is on disk. `progress` is
+        called with the number of points just evaluated."""
+        # One thread of torch, whose number the searches must not change for each other.
+        with seeded(0):
+            for keys in _groups(pending):
+                for knots in (False, True):
+                    some = [key for key in keys if (key.method in TRAJECTORIES) is knots]
+                    if some:
+                        yield from self._beside(some, knots, progress)
 
-        for key in pending:
-            path, knots = self._path(key), key.method in TRAJECTORIES
-            scenario, problem = (
-                (self.trajectories.scenario, self.trajectories.problem)
-                if knots
-                else (self.scenario, self.problem)
-            )
-            path.parent.mkdir(parents=True, exist_ok=True)
-            calls = path.with_suffix(".jsonl")
-            remembered = Memory(counted(problem.evaluate, progress), calls)
-            history = method(key.method, METHODS)(
-                replace(problem, evaluate=remembered), self.settings.budget, key.seed
-            )
-            self._judge(key, history, scenario, problem.space)
-            if knots:
-                history.save(self._knots(key))
-                history = self.trajectories.as_maneuvers(history, self.problem.reward)
-            history.save(path)
-            calls.unlink(missing_ok=True)
-            yield key
+    def _beside(
+        self, keys: Sequence[Key], knots: bool, progress: Callable[[int], None]
+    ) -> Iterator[Key]:
+        """Searches of the scenario, or of its trajectories, in lockstep."""
+        scenario, problem = (
+            (self.trajectories.scenario, self.trajectories.problem)
+            if knots
+            else (self.scenario, self.problem)
+        )
+
+        def plays(theta: FloatArray, sut: str | None = None) -> Outcomes:
+            return self._evaluator(sut or self.settings.sut, scenario, problem.space)(theta)
+
+        works = [partial(self._search, key, problem, progress) for key in keys]
+        for number, _ in as_ended(works, plays):
+            yield keys[number]
+
+    def _search(
+        self, key: Key, problem: SearchProblem, progress: Callable[[int], None], plays: Plays
+    ) -> None:
+        """Search, have the careful driver judge, and keep both."""
+        path = self._path(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        calls = path.with_suffix(".jsonl")
+        remembered = Memory(counted(plays, progress), calls)
+        history = method(key.method, METHODS)(
+            replace(problem, evaluate=remembered), self.settings.budget, key.seed
+        )
+        share = avoided(history, lambda theta: plays(theta, CAREFUL))
+        self.store.write(_place(key), {"avoidable": share})
+        if key.method in TRAJECTORIES:
+            history.save(self._knots(key))
+            history = self.trajectories.as_maneuvers(history, self.problem.reward)
+        history.save(path)
+        calls.unlink(missing_ok=True)
 
     @cached_property
     def trajectories(self) -> Trajectories:
@@ -207,21 +240,26 @@ class Study:
         reward = Reward(realism, self.settings.weight)
         return SearchProblem(
             space,
-            self._evaluators(self.settings.sut, scenario, space),
+            self._evaluator(self.settings.sut, scenario, space),
             reward,
             real,
             prior=prior,
         )
 
-    def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:
-        """Have the careful and competent driver of UN R157 drive the collisions."""
-        if scenario not in self._careful:
-            self._careful[scenario] = self._evaluators(CAREFUL, scenario, space)
-        self.store.write(_place(key), {"avoidable": avoided(history, self._careful[scenario])})
+    def _evaluator(self, sut: str, scenario: Path, space: Space) -> Evaluate:
+        """Answers of a system under test, made when it is first asked."""
+        if (sut, scenario) not in self._made:
+            self._made[sut, scenario] = self._evaluators(sut, scenario, space)
+        return self._made[sut, scenario]
 
     def _simulator(self, sut: str, scenario: Path, space: Space) -> Evaluate:
         settings = self.settings
         run = RunSettings(sut=sut, timestep=settings.timestep)
+        if settings.arrays:
+            try:
+                return ArrayPlays(scenario, space, run, settings.rss, fast=False)
+            except Unsupported:
+                pass
         evaluator = Evaluator(scenario, space, run=run, rss=settings.rss, processes=self._processes)
         return self._stack.enter_context(evaluator)
 
@@ -239,6 +277,20 @@ class Study:
             )
         content = self.scenario.read_bytes() + np.ascontiguousarray(self.recorded.theta).tobytes()
         return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _groups(keys: Sequence[Key]) -> list[list[Key]]:
+    """Keys that are searched side by side: whole seeds, so that those that are done are complete."""
+    seeds: dict[int, list[Key]] = {}
+    for key in keys:
+        seeds.setdefault(key.seed, []).append(key)
+    groups: list[list[Key]] = []
+    for some in seeds.values():
+        if groups and len(groups[-1]) + len(some) <= _BESIDE:
+            groups[-1] += some
+        else:
+            groups.append(list(some))
+    return groups
 
 
 def _place(key: Key) -> Place:

@@ -29,6 +29,7 @@ from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
+from studies.generation.lockstep import Work, together
 from studies.generation.planted.designs import cells, maximin, sobol
 from studies.generation.planted.systems import (
     CAREFUL,
@@ -41,7 +42,6 @@ from studies.generation.planted.systems import (
     Pool,
     plant,
 )
-from studies.generation.planted.together import Work, together
 
 PLANS: Mapping[str, Sequence[Plan]] = {
     "development": (

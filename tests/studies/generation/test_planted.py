@@ -21,6 +21,7 @@ from schemas.common.errors import UsageError
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
+from studies.generation.lockstep import together
 from studies.generation.planted.designs import cells, maximin, sobol, stratified
 from studies.generation.planted.shapes import DEVELOPMENT, REPORTED, SHAPES
 from studies.generation.planted.study import (
@@ -47,7 +48,6 @@ from studies.generation.planted.systems import (
     Pool,
     plant,
 )
-from studies.generation.planted.together import together
 from studies.generation.problem import Posed
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
