@@ -31,11 +31,17 @@ class SearchClock:
 
     Args:
         minutes: time of the search; None for no limit.
+        spent: seconds that were spent for it before.
     """
 
-    def __init__(self, minutes: float | None) -> None:
-        self._start = time.monotonic()
+    def __init__(self, minutes: float | None, spent: float = 0.0) -> None:
+        self._start = time.monotonic() - spent
         self._limit = math.inf if minutes is None else _MINUTE * minutes
+
+    def shared(self, searches: int) -> SearchClock:
+        """Clock of the next of some searches that share what is left."""
+        left = max(self._limit - self._spent, 0.0)
+        return SearchClock(None if math.isinf(left) else left / _MINUTE / searches)
 
     @property
     def _spent(self) -> float:
@@ -45,6 +51,11 @@ class SearchClock:
     def over(self) -> bool:
         """Whether the time for runs is over."""
         return self._spent >= SEARCHED * self._limit
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left for runs; infinite without a limit."""
+        return max(SEARCHED * self._limit - self._spent, 0.0)
 
     def check(self) -> None:
         """Go on.
@@ -83,3 +94,57 @@ class SearchClock:
             return most
         left = max(self._limit - self._spent, 0.0)
         return int(np.clip(left * runs / max(self._spent, 1.0) / _DRIVERS, 1, most))
+
+
+class TimedPlays:
+    """Plays in arrays within the time of a search: counts them, and tells how many there is time
+    for.
+
+    A play of n points takes a + b·n: steps of the scenario, and what each point adds to them. Both
+    are measured by the smallest and the largest play so far.
+
+    Args:
+        plays: plays points. clock: of the search. block: points between two looks at the clock.
+
+    Attributes:
+        played: points that the system under test of the search has driven.
+    """
+
+    def __init__(self, plays: Callable[..., Outcomes], clock: SearchClock, block: int) -> None:
+        self._plays, self._clock, self._block = plays, clock, block
+        self._times: dict[int, float] = {}
+        self.played = 0
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d).
+
+        Raises:
+            TimeOver: the time for runs is over.
+        """
+        return self._clock.limited(self._timed, self._block)(theta, sut)
+
+    def _timed(self, theta: FloatArray, sut: str | None) -> Outcomes:
+        begun = time.monotonic()
+        outcomes = self._plays(theta, sut)
+        if sut is None and len(theta):
+            self.played += len(theta)
+            taken = time.monotonic() - begun
+            self._times[len(theta)] = min(taken, self._times.get(len(theta), math.inf))
+        return outcomes
+
+    def within(self, share: float) -> float:
+        """Points that can be played in a share of the time that is left; infinite without a limit.
+
+        Where nothing was played before, it is 0 with a limit.
+        """
+        seconds = share * self._clock.left
+        if math.isinf(seconds):
+            return math.inf
+        if not self._times:
+            return 0.0
+        few, many = min(self._times), max(self._times)
+        # Of one play it is not known what its points add: as much as they can.
+        each = self._times[many] / many
+        if few < many:
+            each = max((self._times[many] - self._times[few]) / (many - few), each / _DRIVERS)
+        return max((seconds - self._times[few]) / each + few, 0.0)

@@ -13,11 +13,11 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.clock import PLAYED, SearchClock, TimeOver
+from generation.clock import PLAYED, SearchClock, TimedPlays, TimeOver
 from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
@@ -48,16 +48,17 @@ from generation.search.outcomes import (
 )
 from generation.search.plays import ArrayPlays
 from generation.search.problem import (
-    Counting,
     Guidance,
     History,
     Memory,
     Realism,
     Reward,
+    Search,
     SearchProblem,
     counted,
     counted_drivers,
     method,
+    unlimited,
 )
 from generation.search.settings import SearchSettings
 from generation.search.variations import Evidence, Writer, Written
@@ -80,8 +81,11 @@ _REPLAYED = 30, 300
 """Least and most replays of recorded units that a density is measured by; without plays; between them a tenth of the budget"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
 """Replays, and draws, that are played to measure a density for each run of the budget, and how many at most"""
-_A_MINUTE = 5000
-"""Replays, and draws, that are played to measure a density for each minute of the time"""
+_GATED, _GATED_FIRST = 0.2, 250
+"""Share of the time that is left which measuring a density takes, and replays, and draws, that are
+played at first"""
+_GATED_UNTIL = 0.4
+"""Share of the time after which nothing more is replayed one by one"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
@@ -149,6 +153,7 @@ def generate(
     found: FloatArray | None = None,
     interim: Callable[[Generated], object] = lambda generated: None,
     drawing: Callable[[int], Callable[[int], object]] = lambda needed: lambda draws: None,
+    clock: SearchClock | None = None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
@@ -173,6 +178,8 @@ def generate(
         interim: called with what was found and written so far, after each `settings.every` runs.
         drawing: called with the number of draws that `settings.until` needs; gives what is called
             with the number of those made, after each block of them.
+        clock: of all phases; one that starts now, with the minutes of the settings, where it is
+            None.
 
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
@@ -192,97 +199,195 @@ def generate(
         >>> found.statement.draws, len(found.history.theta)
         (20, 20)
     """
-    clock = SearchClock(settings.minutes)
+    clock = SearchClock(settings.minutes) if clock is None else clock
     search = method(settings.method)  # refuse an unknown name before recordings are read
-    # Space: the box of parameters, and the recorded points in it
-    space = space_of(scenario, settings)
-    if settings.until is not None:  # say so before the budget is spent
-        ArrayPlays(scenario, space, settings.run, settings.rss)
-    source = recorded(space)
-    real = source.within(space)
-    # Density: what traffic does, and the reward that keeps a search to it
-    reward = _reward(real, settings, scenario)
-    prior = source.prior(space, settings.density)
-    domain = domain_of(scenario, space, source, settings)
-    prior = prior.within(partial(domain.holds, space) if domain else None)
-    with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
-        runs, draws, more, refuting = (
+    asked = _Asked.of(scenario, recorded, settings)
+    with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
+        work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
+        try:
+            history = work.search(search)
+        except TimeOver:
+            return work.made(work.course.history, cut=True)
+        return work.made(history, cut=len(work.unseen.theta) < drawn_of(settings.budget))
+
+
+class _Asked(NamedTuple):
+    """Question of a search: what is searched, and what is likely in it.
+
+    Attributes:
+        space: the box of parameters. source: what is recorded of them. real: the part of it inside
+            the box.
+        reward: keeps a search to traffic. prior: what traffic does. domain: operational domain.
+    """
+
+    scenario: Path
+    settings: SearchSettings
+    space: Space
+    source: Recorded
+    real: Recorded
+    reward: Reward
+    prior: Prior
+    domain: Domain
+
+    @classmethod
+    def of(
+        cls, scenario: Path, recorded: Callable[[Space], Recorded], settings: SearchSettings
+    ) -> _Asked:
+        """Read the scenario and the recordings."""
+        space = space_of(scenario, settings)
+        if settings.until is not None:  # say so before the budget is spent
+            ArrayPlays(scenario, space, settings.run, settings.rss)
+        source = recorded(space)
+        real = source.within(space)
+        reward = _reward(real, settings, scenario)
+        prior = source.prior(space, settings.density)
+        domain = domain_of(scenario, space, source, settings)
+        prior = prior.within(partial(domain.holds, space) if domain else None)
+        return cls(scenario, settings, space, source, real, reward, prior, domain)
+
+
+class _Work:
+    """A search under way: draws, gate and search by `search`, the rest by `made`.
+
+    Args:
+        asked: the question. out: folder for the files. clock: of all phases.
+        evaluator: runs points. The others are those of `generate`.
+
+    Attributes:
+        unseen: unguided draws, which no method sees.
+        course: runs of the method so far.
+    """
+
+    def __init__(
+        self,
+        asked: _Asked,
+        out: Path,
+        clock: SearchClock,
+        evaluator: Evaluator,
+        progress: Callable[[int], None],
+        found: FloatArray | None,
+        interim: Callable[[Generated], object],
+        drawing: Callable[[int], Callable[[int], object]],
+    ) -> None:
+        self._asked, self._out, self._clock, self._evaluator = asked, out, clock, evaluator
+        self._found, self._interim, self._drawing = found, interim, drawing
+        self._progress = progress
+        scenario, space, settings = asked.scenario, asked.space, asked.settings
+        self._runs, self._draws, self._more, self._refuting = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind))
             for kind in ("runs", "draws", "estimate", "until")
         )
-        # Draws: what the density is measured by, and what bounds failures that are not found
-        unguided = prior.sample(
-            drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)])
+        self._drivers = _drivers(scenario, space, out, settings, evaluator)
+        self.unseen = self._drawn()
+        self._plays = _plays(scenario, space, settings)
+        timed = (
+            None
+            if self._plays is None
+            else TimedPlays(self._plays, clock, PLAYED * settings.processes)
         )
-        draw = counted(draws, progress)
-        drawn = joined([draw(part) for part in clock.parts(unguided, _DRAWN_UNTIL)])
-        unguided = unguided[: len(drawn)]
-        unseen = Episodes(unguided, drawn, reward(unguided, drawn))
-        plays = _plays(scenario, space, settings)
-        gate = _gate(scenario, space, source, unseen, out, settings, plays)
-        # Search: spend the rest of the budget, judges included
-        screen = (
-            None if plays is None else Counting(clock.limited(plays, PLAYED * settings.processes))
-        )
-        judged = prior.judged if gate.refusal is None else prior.unjudged
-        drivers = _drivers(scenario, space, out, settings, evaluator)
-        asked = clock.limited(counted_drivers(drivers, progress))
-        judging = None if screen is not None else Judging(space, asked)
-
-        def made(history: History, ended: bool = True, cut: bool = False) -> Generated:
-            """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
-            sought, drawings = runs.episodes(reward), draws.episodes(reward)
-            every = Episodes.joined([sought, drawings])
-            estimated = settings.estimate and ended and not cut
-            rate = (
-                _estimate(problem, source, more, evaluator, every, settings) if estimated else None
-            )
-            estimates = more.episodes(reward)
-            bound = None
-            if settings.until is not None and plays is not None and ended:
-                failed = every.theta[every.outcomes.executed & every.outcomes.collision]
-                bound = draws_until(
-                    settings.until, space, prior, plays, refuting, failed, settings.seed,
-                    lambda: cut or clock.over, drawing(draws_needed(settings.until)),
-                )  # fmt: skip
-            against = refuting.episodes(reward)
-            every = Episodes.joined([every, estimates, against])
-            most = clock.most(settings.choice.most, evaluator.calls, cut)
-            choice = replace(settings.choice, most=most)
-            cases = choose(space, every, judged, drivers, choice, found, plays)
-            files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
-            generated = Generated(
-                space, real, prior, history, every, cases, files, gate, runs.reused, rate,
-                runs.damaged + draws.damaged + more.damaged,
-                statement=_statement(space, runs.episodes(reward), unguided, drawn),
-                plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
-                judged=NOT_JUDGED if judging is None else judging.counts,
-                bound=bound, density=settings.density, guidance=problem.guidance,
-            )  # fmt: skip
-            write_object(summary(scenario, generated, settings), out / summary_file(scenario))
-            write_episodes(
-                space,
-                {"sought": sought, "drawn": drawings, "estimate": estimates, "until": against},
-                out,
-            )
-            return generated
-
-        course = _Course(
-            counted(runs, progress),
-            reward,
-            unseen,
+        self._gate = _gate(asked, self.unseen, out, self._plays, timed, clock)
+        self._screen, self._measured = timed, timed.played if timed is not None else 0
+        judges = clock.limited(counted_drivers(self._drivers, progress))
+        self._judging = None if timed is not None else Judging(space, judges)
+        self.course = _Course(
+            counted(self._runs, progress),
+            asked.reward,
+            self.unseen,
             settings,
             clock,
-            lambda history: interim(made(history, False)),
+            lambda history: interim(self.made(history, False)),
         )
-        problem = SearchProblem(space, course, reward, real.theta, found, prior, screen, judging)
-        try:
-            left = settings.budget - drawn_of(settings.budget)
-            return made(
-                search(problem, left, settings.seed), cut=len(drawn) < settings.budget - left
-            )
-        except TimeOver:
-            return made(course.history, cut=True)
+        self._problem = SearchProblem(
+            space, self.course, asked.reward, asked.real.theta, found, asked.prior, timed,
+            self._judging, room=timed.within if timed is not None else unlimited,
+        )  # fmt: skip
+
+    def search(self, method: Search) -> History:
+        """Spend the rest of the budget.
+
+        Raises:
+            TimeOver: the time was over before; `course` has what was run.
+        """
+        settings = self._asked.settings
+        return method(self._problem, settings.budget - drawn_of(settings.budget), settings.seed)
+
+    def _drawn(self) -> Episodes:
+        """Unguided draws, as many as there is time for."""
+        asked, settings = self._asked, self._asked.settings
+        theta = asked.prior.sample(
+            drawn_of(settings.budget),
+            np.random.default_rng([settings.seed, len(asked.space.names)]),
+        )
+        draw = counted(self._draws, self._progress)
+        outcomes = joined([draw(part) for part in self._clock.parts(theta, _DRAWN_UNTIL)])
+        theta = theta[: len(outcomes)]
+        return Episodes(theta, outcomes, asked.reward(theta, outcomes))
+
+    def made(self, history: History, ended: bool = True, cut: bool = False) -> Generated:
+        """Estimate the rate of failures, choose edge cases among all runs that are kept, and write
+        them.
+
+        Args:
+            history: runs of the method so far.
+            ended: whether it has ended. cut: whether its time was over before.
+        """
+        asked, settings, runs, draws = self._asked, self._asked.settings, self._runs, self._draws
+        reward, space = asked.reward, asked.space
+        sought, drawings = runs.episodes(reward), draws.episodes(reward)
+        every = Episodes.joined([sought, drawings])
+        estimated = settings.estimate and ended and not cut
+        rate = (
+            _estimate(self._problem, asked.source, self._more, self._evaluator, every, settings)
+            if estimated
+            else None
+        )
+        estimates = self._more.episodes(reward)
+        bound = self._bound(every, cut) if ended else None
+        against = self._refuting.episodes(reward)
+        every = Episodes.joined([every, estimates, against])
+        cases, files = self._written(every, rate, cut)
+        statement = _statement(
+            space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
+        )
+        generated = Generated(
+            space, asked.real, asked.prior, history, every, cases, files, self._gate, runs.reused, rate,
+            runs.damaged + draws.damaged + self._more.damaged, statement=statement,
+            plays=self._screen.played - self._measured if self._screen is not None else 0,
+            draws=self.unseen,
+            domain=asked.domain, cut=cut,
+            judged=NOT_JUDGED if self._judging is None else self._judging.counts,
+            bound=bound, density=settings.density, guidance=self._problem.guidance,
+        )  # fmt: skip
+        write_object(
+            summary(asked.scenario, generated, settings), self._out / summary_file(asked.scenario)
+        )
+        parts = {"sought": sought, "drawn": drawings, "estimate": estimates, "until": against}
+        write_episodes(space, parts, self._out)
+        return generated
+
+    def _bound(self, every: Episodes, cut: bool) -> DrawnBound | None:
+        """Draw until the bound holds that `settings.until` asks for; None where it asks for none."""
+        asked, until = self._asked, self._asked.settings.until
+        if until is None or self._plays is None:
+            return None
+        failed = every.theta[every.outcomes.executed & every.outcomes.collision]
+        return draws_until(
+            until, asked.space, asked.prior, self._plays, self._refuting, failed,
+            asked.settings.seed, lambda: cut or self._clock.over, self._drawing(draws_needed(until)),
+        )  # fmt: skip
+
+    def _written(
+        self, every: Episodes, rate: Estimate | None, cut: bool
+    ) -> tuple[Cases, list[Path]]:
+        """Edge cases of all runs, and the files of these."""
+        asked, settings = self._asked, self._asked.settings
+        most = self._clock.most(settings.choice.most, self._evaluator.calls, cut)
+        choice = replace(settings.choice, most=most)
+        judged = asked.prior.judged if self._gate.refusal is None else asked.prior.unjudged
+        cases = choose(asked.space, every, judged, self._drivers, choice, self._found, self._plays)
+        density = asked.reward.realism.density
+        files = _write(asked.scenario, asked.space, self._out, settings, cases, density, rate)
+        return cases, files
 
 
 class _Course:
@@ -361,19 +466,19 @@ def drawn_of(budget: int) -> int:
 
 
 def _gate(
-    scenario: Path,
-    space: Space,
-    recorded: Recorded,
+    asked: _Asked,
     unseen: Episodes,
     out: Path,
-    settings: SearchSettings,
     plays: ArrayPlays | None,
+    timed: TimedPlays | None,
+    clock: SearchClock,
 ) -> Gate:
     """Measure a density: by plays where these have the verdicts of all unguided draws, else by these draws and by runs.
 
     Recorded units have their own values of what is pinned, and so have the draws that are
     played.
     """
+    scenario, space, recorded, settings = asked.scenario, asked.space, asked.source, asked.settings
     drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
         return Gate(None, drawn)
@@ -382,30 +487,61 @@ def _gate(
     # Without pinned parameters the units are points of the space itself.
     replaying = plays if own.names == space.names else _plays(scenario, own, settings)
     ran = unseen.outcomes.executed
-    if (
-        plays is not None
-        and replaying is not None
-        and agrees(plays(unseen.theta[ran]), unseen.outcomes.take(ran))
-    ):
-        number = min(_PLAYED * settings.budget, _MOST_PLAYED)
-        if settings.minutes is not None:
-            number = min(number, max(_REPLAYED[1], round(_A_MINUTE * settings.minutes)))
-        units, draws = (
-            units[:number],
-            recorded.prior(own, settings.density).sample(number, generator),
-        )
-        # At once: a step of a play costs hardly more for twice as many points.
-        both = replaying(np.concatenate([units, draws]))
-        rows = np.arange(len(both))
-        replayed, unprevented = replay_shares(units, both.take(rows[: len(units)]), replaying)
-        return Gate(replayed, Share.of(both.take(rows[len(units) :])), unprevented, True)
+    try:
+        if (
+            timed is not None
+            and replaying is not None
+            and agrees(timed(unseen.theta[ran]), unseen.outcomes.take(ran))
+        ):
+            return _played_gate(asked, own, units, replaying, generator, clock)
+    except TimeOver:
+        return Gate(Share(0, 0), drawn)  # which is not testable
     least, most = _REPLAYED
     with evaluator_of(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
         number = min(settings.budget, max(least, min(settings.budget // 10, most)))
-        units = units[:number]
-        replayed, unprevented = replay_shares(units, replay(units), evaluator)
+        outcomes = joined([replay(part) for part in clock.parts(units[:number], _GATED_UNTIL)])
+        replayed, unprevented = replay_shares(units[: len(outcomes)], outcomes, evaluator)
     return Gate(replayed, drawn, unprevented)
+
+
+def _played_gate(
+    asked: _Asked,
+    own: Space,
+    units: FloatArray,
+    plays: ArrayPlays,
+    generator: np.random.Generator,
+    clock: SearchClock,
+) -> Gate:
+    """Measure a density by plays of recorded units (n, d) in a space of their own, and of draws, as
+    many as a share of the time allows.
+
+    Raises:
+        TimeOver: the time was over before the first one.
+    """
+    settings = asked.settings
+    number = min(_PLAYED * settings.budget, _MOST_PLAYED)
+    units = units[:number]
+    draws = asked.source.prior(own, settings.density).sample(number, generator)
+    timed, until = TimedPlays(plays, clock, 2 * number), clock.left * (1.0 - _GATED)
+    replayed, drawn = list[Outcomes](), list[Outcomes]()
+    done, block = 0, number if settings.minutes is None else _GATED_FIRST
+    while True:
+        rows = units[done : done + block]
+        # At once: a step of a play costs hardly more for twice as many points.
+        both = timed(np.concatenate([rows, draws[done : done + block]]))
+        replayed.append(both.take(np.arange(len(rows))))
+        drawn.append(both.take(np.arange(len(rows), len(both))))
+        done += block
+        left = clock.left
+        if done >= number or left <= until:
+            break
+        block = int(min(timed.within(1.0 - until / left) / 2, number - done))
+        if block < _GATED_FIRST:
+            break
+    outcomes = joined(replayed)
+    share, unprevented = replay_shares(units[: len(outcomes)], outcomes, plays)
+    return Gate(share, Share.of(joined(drawn)), unprevented, True)
 
 
 def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -32,6 +33,7 @@ from schemas.common.terminal.options import with_settings
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
+    from generation.clock import SearchClock
     from generation.pipeline import Generated
     from generation.report.regression import Fate
     from generation.space.recorded import Recorded as Units
@@ -108,6 +110,7 @@ def xosc_generate(
     version, and are new where it survives.
     """
     source = named(source)
+    from generation.clock import SearchClock
     from generation.estimation.estimate import RUNS
     from generation.search.problem import method as search_of
 
@@ -115,10 +118,13 @@ def xosc_generate(
     budget = budget_within_limits(settings.budget, RUNS if settings.estimate else 0, NAME)
     settings = replace(settings, budget=budget, density=ask.density)
     wanted = fates(fail_if, against)
+    # What was spent until here counts: loading alone takes seconds.
+    clock = SearchClock(settings.minutes, time.process_time())
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
+        searches = list(_searches(source, ask, out, settings, against))
         found = [
-            _found(search, wanted, quiet, source.is_dir())
-            for search in _searches(source, ask, out, settings, against)
+            _found(search, wanted, quiet, source.is_dir(), clock.shared(left))
+            for left, search in zip(range(len(searches), 0, -1), searches, strict=True)
         ]
     raise typer.Exit(
         gravest(found) if against is not None or ExitCode.PASSED not in found else ExitCode.PASSED
@@ -182,7 +188,9 @@ def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
     return instead
 
 
-def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> ExitCode:
+def _found(
+    search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool, clock: SearchClock
+) -> ExitCode:
     """Search one scenario; passed if there are edge cases, or with `--against`, if no failure has one of the fates.
 
     In a catalogue the next one follows where one can't be searched.
@@ -198,7 +206,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
             generated = generate(
                 scenario, search.recorded, search.out, settings, progress,
                 interim=lambda made: render(scenario, made, settings, search.out),
-                drawing=lambda needed: progress.below("draws", needed),
+                drawing=lambda needed: progress.below("draws", needed), clock=clock,
             )  # fmt: skip
         if before is not None:
             compared = regression(before, scenario, Tried.of(generated), settings)

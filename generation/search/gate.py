@@ -15,12 +15,14 @@ not foreseeable.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.special import betaincinv
 
 from generation.search.outcomes import Drivers, Outcomes, survivors
 from generation.space.density.roles import EGO, EGO_SPEED, Role
@@ -56,13 +58,11 @@ class Share(NamedTuple):
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of the probability, exact: C. Clopper, E. Pearson, Biometrika 26, 1934."""
-        from scipy.stats import binomtest
-
-        if not self.runs:
-            return 0.0, 1.0
         # Exact, not normal: with no collision in n runs a normal interval would have no width.
-        found = binomtest(self.collisions, self.runs).proportion_ci(CONFIDENCE, "exact")
-        return float(found.low), float(found.high)
+        tail, others = (1.0 - CONFIDENCE) / 2.0, self.runs - self.collisions
+        low = betaincinv(self.collisions, others + 1, tail) if self.collisions else 0.0
+        high = betaincinv(self.collisions + 1, others, 1.0 - tail) if others else 1.0
+        return float(low), float(high)
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -128,10 +128,8 @@ NEAR = 0.1
 
 def _upper(hits: int, trials: int) -> float:
     """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson, Biometrika 26, 1934."""
-    from scipy.stats import beta
-
     # Clopper and Pearson's upper limit is this quantile of a beta distribution.
-    return float(beta.ppf(CONFIDENCE, hits + 1, trials - hits)) if hits < trials else 1.0
+    return float(betaincinv(hits + 1, trials - hits, CONFIDENCE)) if hits < trials else 1.0
 
 
 class Gate(NamedTuple):
@@ -167,22 +165,33 @@ class Gate(NamedTuple):
         return None
 
     @property
+    def power(self) -> float:
+        """Least share of colliding draws that so many replays and draws refuse; above 1 where they
+        refuse none, and without replays."""
+        if self.replayed is None or not self.drawn.runs:
+            return math.inf
+        # With few replays their interval is so wide that nothing would be refused.
+        runs, most = self.drawn.runs, self.replayed.interval[1]
+        collisions = np.arange(1, runs + 1)
+        low = betaincinv(collisions, runs - collisions + 1, (1.0 - CONFIDENCE) / 2.0)
+        refused = collisions[low > most]
+        return float(refused[0]) / runs if refused.size else math.inf
+
+    @property
     def testable(self) -> bool:
         """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its
         draws."""
-        if self.replayed is None:
-            return False
-        # Power of the test: with few replays the interval is so wide that nothing would be refused.
-        poor = Share(round(TESTABLE * self.drawn.runs), self.drawn.runs)
-        return poor.interval[0] > self.replayed.interval[1]
+        return self.power <= TESTABLE
 
     def __str__(self) -> str:
         if self.replayed is None:
             return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
         where = " in arrays" if self.played else ""
         measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density{where}"
-        if self.testable or self.refusal is not None:
+        if self.refusal is not None:
             return measured
+        if self.testable:
+            return f"{measured}; from {self.power:.2%} on the density would be refused"
         return f"{measured}: not testable, as so few would pass a density of which {TESTABLE:.0%} collides"
 
 

@@ -471,6 +471,10 @@ class Matrix(NamedTuple):
     agreed: int = 0
 
 
+_FEWEST_PLAYED = 30
+"""Points from which on a driver takes less time in arrays than in single runs"""
+
+
 def matrix(theta: FloatArray, drivers: Drivers, plays: Drivers | None = None) -> Matrix:
     """The matrix of points (n, d). The judges are run; the others are played in arrays, if plays agree with all verdicts of the
     judges, and run otherwise.
@@ -482,7 +486,7 @@ def matrix(theta: FloatArray, drivers: Drivers, plays: Drivers | None = None) ->
     others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
     if (
         plays is None
-        or not len(theta)
+        or len(theta) < _FEWEST_PLAYED
         or not all(agrees(judged[name], plays(theta, REFERENCES[name])) for name in JUDGES)
     ):
         return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})

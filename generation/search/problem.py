@@ -8,6 +8,7 @@ the point of interruption, and continues.
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -135,20 +136,9 @@ class Plays(Protocol):
         ...
 
 
-class Counting:
-    """Plays points and counts those that the system under test drives.
-
-    Attributes:
-        played: how many.
-    """
-
-    def __init__(self, plays: Plays) -> None:
-        self._plays, self.played = plays, 0
-
-    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
-        """The outcomes at points (n, d)."""
-        self.played += len(theta) if sut is None else 0
-        return self._plays(theta, sut)
+def unlimited(share: float) -> float:
+    """Points that can be played in a share of time without an end."""
+    return math.inf
 
 
 class History(Episodes):
@@ -225,6 +215,7 @@ class SearchProblem:
         judging: judges failures before the search learns from them, within the budget; None where
             all failures count alike.
         guidance: record that a method keeps, if it tells guided runs from draws.
+        room: points that can be played in a share of the time that is left.
     """
 
     space: Space
@@ -236,6 +227,7 @@ class SearchProblem:
     plays: Plays | None = None
     judging: Judging | None = None
     guidance: Guidance = field(default_factory=Guidance)
+    room: Callable[[float], float] = unlimited
 
     @property
     def starts(self) -> FloatArray:

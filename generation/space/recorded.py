@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,14 @@ import xosc
 from generation.space.density.marginals import Admits, DeclaredPrior, JointPrior, Marginal, uniform
 from generation.space.density.models import judge
 from generation.space.density.prior import Box, Prior, RecordedPrior
-from generation.space.density.roles import NUISANCES, ROLES, Role, roles_of
-from generation.space.logical.maneuvers import MANEUVERS
-from generation.space.logical.pairs import PAIRS, PairUnits, pair_units
+from generation.space.density.roles import (
+    KINDS_OF_SCENARIOS,
+    NUISANCES,
+    PAIRED,
+    ROLES,
+    Role,
+    roles_of,
+)
 from generation.space.space import Space, free_option, numbers
 from recognition.labels import Label
 from recognition.labels.maneuvers.parameters import (
@@ -36,6 +41,9 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 from xosc.document.node import Node
 from xosc.writing.tags import PREFIX
+
+if TYPE_CHECKING:
+    from generation.space.logical.pairs import PairUnits
 
 _RECORDING, _CLASS = f"{PREFIX}Recording", f"{PREFIX}Class"
 _KINDS_OF_CLASSES = {
@@ -257,13 +265,15 @@ def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
         UsageError: there is no such kind, or the recordings have no units.
         InvalidFile: a file is malformed.
     """
-    if kind not in (*KINDS, *PAIRS):
+    if kind not in (*KINDS, *PAIRED):
         raise UsageError(
-            f"there are no units of the kind {kind!r}; kinds: {', '.join((*KINDS, *PAIRS))}"
+            f"there are no units of the kind {kind!r}; kinds: {', '.join((*KINDS, *PAIRED))}"
         )
     samples = _units(path)
     if kind in KINDS:
         return samples.of_kind(kind)
+    from generation.space.logical.pairs import PAIRS, pair_units
+
     return pair_units(samples, PAIRS[kind])
 
 
@@ -283,13 +293,10 @@ def kind_of(scenario: Path) -> str:
     """
     if not scenario.is_file():
         raise UsageError("no such file", path=scenario)
-    kinds = {
-        **{name: name for name in PAIRS},
-        **{name: maneuver.kind for name, maneuver in MANEUVERS.items()},
-    }
-    found = next(
-        (kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None
-    ) or _kind_of_recording(xosc.load(scenario).node)
+    named = (
+        kind for name, kind in KINDS_OF_SCENARIOS.items() if scenario.stem.startswith(f"{name}_")
+    )
+    found = next(named, None) or _kind_of_recording(xosc.load(scenario).node)
     if found is None:
         raise UsageError(
             "nothing says which values are likely: it is no recorded scenario of a known class, "
@@ -322,7 +329,7 @@ def of_samples(
     Raises:
         UsageError: recordings have no values of one of the parameters.
     """
-    if isinstance(samples, PairUnits):
+    if not isinstance(samples, Samples):
         return _of_pairs(samples, space)._replace(simulated=simulated)
     samples, roles = _with_jerk(samples, roles_of([*space.names, *space.pinned], mapped), space)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))

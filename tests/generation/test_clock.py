@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from generation import clock as clocks
-from generation.clock import SearchClock, TimeOver
+from generation.clock import SearchClock, TimedPlays, TimeOver
 from generation.search.outcomes import Outcomes, joined
 from schemas.common.array_types import FloatArray
 
@@ -59,3 +59,32 @@ def test_edge_cases_are_as_many_as_there_is_time_for(passing: Time) -> None:
     passing.now = 700.0
     assert clock.most(100, 440, cut=True) == 1
     assert SearchClock(None).most(100, 440, cut=True) == 100
+
+
+def test_searches_of_a_catalogue_share_one_time_and_loading_counts(passing: Time) -> None:
+    clock = SearchClock(10.0, spent=60.0)
+    assert clock.left == pytest.approx(360.0), "seven tenths of 600 s, less what was spent"
+    passing.now = 40.0
+    first = clock.shared(2)
+    passing.now = 200.0
+    assert not first.over and clock.shared(1).left == pytest.approx(0.7 * 340.0)
+    passing.now = 600.0
+    assert first.over and clock.shared(1).over
+    assert not SearchClock(None).shared(3).over
+
+
+def test_plays_tell_how_many_there_is_time_for(passing: Time) -> None:
+    def play(theta: FloatArray, sut: str | None = None) -> Outcomes:
+        passing.now += 10.0 + 0.1 * len(theta)
+        return Outcomes.of(len(theta))
+
+    plays = TimedPlays(play, SearchClock(10.0), 1024)
+    assert plays.within(0.5) == 0.0, "nothing is known of what a play takes"
+    plays(THETA[:50])
+    alone = plays.within(0.5)
+    plays(THETA)
+    left = 420.0 - 15.0 - 50.0
+    assert plays.within(0.5) == pytest.approx((0.5 * left - 15.0) / 0.1 + 50)
+    assert alone < plays.within(0.5), "of one play no more is promised than it shows"
+    assert plays.played == 450
+    assert TimedPlays(play, SearchClock(None), 1024).within(0.1) == np.inf

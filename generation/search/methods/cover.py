@@ -218,7 +218,7 @@ class _Search:
         self._batch = min(max(least, round(share * budget)), most)
         least, share = settings.patience
         self._patience, self._since = max(least, round(share * budget)), 0
-        self._guidance = problem.guidance
+        self._guidance, self._room = problem.guidance, problem.room
         none = np.empty((0, len(problem.space.parameters)))
         self._failures = none if problem.found is None else problem.found
         self._ran, self._failed = KnownRows(), KnownRows()
@@ -230,6 +230,7 @@ class _Search:
         # Plays cost little, so traffic is stood for by more draws; the greatest number bounds the
         # matrix of distances in `_Field`.
         played = max(settings.drawn, min(share * budget, most))
+        played = int(min(played, max(problem.room(_LOOKED), _FEWEST_PLAYED)))
         self._traffic = prior.sample(
             settings.traffic if self._plays is None else played, self._generator
         )
@@ -373,6 +374,9 @@ class _Search:
         """Candidates (m, d) of n runs: draws of the density, and steps from failures that are known
         or that plays have, as many from each region."""
         times = max(n / self._settings.round, 1.0)
+        if self._plays is not None:
+            room = self._room(_LOOKED) / (self._settings.drawn + self._settings.stepped)
+            times = min(times, max(room, 0.1))
         drawn = self._prior.sample(round(times * self._settings.drawn), self._generator)
         parents, sizes = self._failures, np.asarray(np.bincount(self._regions))
         chances = np.take(1.0 / np.maximum(sizes, 1), self._regions)
@@ -408,6 +412,9 @@ _GROUPED = 2000
 """Failures that are grouped into regions at most"""
 _HELD = 600
 """Runs that the Gaussian process holds: a round's cost does not grow with the runs"""
+_LOOKED, _FEWEST_PLAYED = 0.3, 250
+"""Share of the time that is left in which draws of traffic, or candidates of a round, are played,
+and the fewest of the first"""
 _ALONE = 1e-9
 """Counts for a candidate whose surroundings are covered: the likeliest failure is chosen where
 nothing is left to cover"""

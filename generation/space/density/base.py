@@ -4,7 +4,7 @@ Gaussians."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
@@ -153,6 +153,15 @@ class Density(ABC):
         """Unfitted model for a part of the samples, with that many rows; slow choices are taken
         over from the fit on all samples."""
         return copy(self)
+
+    def arrays(self) -> dict[str, FloatArray] | None:
+        """The fitted density for files, as `restore` reads it; None for a model that is fitted
+        faster than it is read, or that its arrays do not say."""
+        return None
+
+    def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
+        """Fitted as `arrays` says."""
+        raise NotImplementedError
 
     @property
     def gaussians(self) -> Components | None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.space.density.base import Components, Density, folds
-from generation.space.density.models import model
+from generation.space.density.models import cached, model
 from generation.space.density.roles import BEHIND, EGO, EGO_SPEED, NUISANCES, Role
 from recognition.labels.maneuvers.parameters import JERK
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -32,8 +32,7 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
 
     @wraps(work)
     def remembering(name: str, theta: FloatArray, recordings: NDArray[Any]) -> _Found:
-        content = hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
-        key = name, theta.shape, content
+        key = name, theta.shape, _content(theta, recordings)
         if key not in results:
             results[key] = work(name, theta, recordings)
         return results[key]
@@ -42,11 +41,16 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
     return remembering
 
 
+def _content(theta: FloatArray, recordings: NDArray[Any]) -> bytes:
+    return hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
+
+
 @_once
 def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
     """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be
     fitted anew."""
-    return model(name).fit(theta, recordings)
+    key = b"all" + _content(theta, recordings)
+    return cached(name, key, lambda: [model(name).fit(theta, recordings)])[0]
 
 
 @_once
@@ -71,11 +75,14 @@ def others(
     What takes long to choose, as how many components a mixture has, is that of the model of all
     recordings (`Density.again`).
     """
-    whole = fitted(name, theta, recordings)
-    return [
-        (whole.again(len(rows)).fit(theta[rows], recordings[rows]), tested)
-        for rows, tested in folds(recordings)
-    ]
+    parts = list(folds(recordings))
+
+    def fit() -> list[Density]:
+        whole = fitted(name, theta, recordings)
+        return [whole.again(len(rows)).fit(theta[rows], recordings[rows]) for rows, _ in parts]
+
+    densities = cached(name, b"others" + _content(theta, recordings), fit)
+    return list(zip(densities, (tested for _, tested in parts), strict=True))
 
 
 FORESEEABLE = 0.01

@@ -6,7 +6,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from recognition.labels.maneuvers.parameters import DECLARED, JERK, PARAMETERS
+from recognition.labels.maneuvers.parameters import (
+    BRAKING,
+    CUT_IN,
+    CUT_OUT,
+    DECLARED,
+    JERK,
+    LANE_CHANGE,
+    PARAMETERS,
+)
 from recognition.labels.maneuvers.parameters import EGO_SPEED as CATALOGUED_EGO_SPEED
 from recognition.labels.maneuvers.parameters import OTHER_SPEED as CATALOGUED_OTHER_SPEED
 
@@ -23,6 +31,27 @@ begins, or its gap to the ego."""
 NUISANCES = ("start_time", "rest_time")
 """Roles of parameters that say when a scene begins and ends, not what happens in it."""
 EGO, LEAD = "Ego", "Lead"
+PAIRED = ("cut_in_before_braking_leader", "squeezed", "merge_beside_tail_gater")
+"""Scenarios of the library with two adversaries, by the beginning of their names: each is a kind of
+its own."""
+KINDS_OF_SCENARIOS: Mapping[str, str] = {
+    **{name: name for name in PAIRED},  # first: the name of one begins with that of a manoeuvre
+    "free_cruise": BRAKING,
+    "car_following": BRAKING,
+    "braking_leader": BRAKING,
+    "cut_in": CUT_IN,
+    "cut_out": CUT_OUT,
+    "lane_change_left": LANE_CHANGE,
+    "lane_change_right": LANE_CHANGE,
+    "congestion": BRAKING,
+    "merging": CUT_IN,
+    "diverging": CUT_OUT,
+    "ramp_entering": LANE_CHANGE,
+    "ramp_exiting": LANE_CHANGE,
+    "turn_off": BRAKING,
+}
+"""Kinds of recorded units by the beginning of a library scenario's name. They stand here since
+reading the tables of manoeuvres loads all that writes scenarios."""
 _SPEED = "Speed_mps"
 _OF_SHORT = {declared.name: role for role, declared in DECLARED.items()}
 

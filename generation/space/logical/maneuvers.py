@@ -12,12 +12,8 @@ from generation.space.logical.roads import Geometry, Limits, header, scenario_ta
 from recognition.catalogue.writing import storyboard
 from recognition.labels import Label
 from recognition.labels.maneuvers.parameters import (
-    BRAKING,
-    CUT_IN,
-    CUT_OUT,
     DECLARED,
     JERK,
-    LANE_CHANGE,
     PARAMETERS,
     declared_name,
 )
@@ -41,8 +37,6 @@ class LogicalManeuver:
         ego_lane, leader_lane: "left" or "right" of the geometry's lanes, where the ego and the
             leader are at the beginning.
         change: lanes to the left that the actor changes: +1, −1, or 0 for none.
-        kind: of recorded units that are such manoeuvres
-            (`recognition.labels.maneuvers.parameters.KINDS`).
         geometries: where it makes sense.
         label, urban_label: the class of it for the ego on motorways, and elsewhere; None where it
             is none of the 17.
@@ -64,7 +58,6 @@ class LogicalManeuver:
     ego_lane: str
     leader_lane: str
     change: int
-    kind: str
     geometries: tuple[str, ...]
     label: Label | None = None
     urban_label: Label | None = None
@@ -82,56 +75,56 @@ EVERYWHERE = ("highway", "sharp_curve", "narrow_road", *JUNCTIONS)
 MANEUVERS = {
     "free_cruise": LogicalManeuver(
         "The ego drives freely, its leader far ahead slows down a little",
-        "Lead", "Lead", "right", "right", 0, BRAKING, ("free_highway",), Label.FREE_CRUISE, pace=1.0,
+        "Lead", "Lead", "right", "right", 0, ("free_highway",), Label.FREE_CRUISE, pace=1.0,
     ),
     "car_following": LogicalManeuver(
         "The ego follows a leader that slows down a little",
-        "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, pace=1.0,
+        "Lead", "Lead", "right", "right", 0, ("highway",), Label.CAR_FOLLOWING, pace=1.0,
     ),
     "braking_leader": LogicalManeuver(
         "The ego's leader brakes a little, as suddenly as its jerk says",
-        "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, jerk=3.0, pace=1.0,
+        "Lead", "Lead", "right", "right", 0, ("highway",), Label.CAR_FOLLOWING, jerk=3.0, pace=1.0,
     ),
     "cut_in": LogicalManeuver(
         "A vehicle cuts in from the left in front of the ego",
-        "CutIn", "CutIn", "right", "left", -1, CUT_IN, EVERYWHERE, Label.CUT_IN, Label.URBAN_CUT_IN,
+        "CutIn", "CutIn", "right", "left", -1, EVERYWHERE, Label.CUT_IN, Label.URBAN_CUT_IN,
     ),
     "cut_out": LogicalManeuver(
         "The ego's leader leaves its lane to the left, in front of a slower vehicle",
-        "CutOut", "CutOut", "right", "right", 1, CUT_OUT, EVERYWHERE, Label.CUT_OUT, Label.URBAN_CUT_OUT, ahead="Slow",
+        "CutOut", "CutOut", "right", "right", 1, EVERYWHERE, Label.CUT_OUT, Label.URBAN_CUT_OUT, ahead="Slow",
     ),
     "lane_change_left": LogicalManeuver(
         "The ego changes to the left behind a leader",
-        EGO, "Lead", "right", "right", 1, LANE_CHANGE, EVERYWHERE, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_LEFT,
+        EGO, "Lead", "right", "right", 1, EVERYWHERE, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_LEFT,
     ),
     "lane_change_right": LogicalManeuver(
         "The ego changes to the right behind a leader",
-        EGO, "Lead", "left", "left", -1, LANE_CHANGE, EVERYWHERE, Label.LANE_CHANGE_RIGHT, Label.LANE_CHANGE_RIGHT,
+        EGO, "Lead", "left", "left", -1, EVERYWHERE, Label.LANE_CHANGE_RIGHT, Label.LANE_CHANGE_RIGHT,
     ),
     "congestion": LogicalManeuver(
         "The ego's leader brakes at the end of a queue that fills both lanes",
-        "Lead", "Lead", "right", "right", 0, BRAKING, EVERYWHERE, braking=(0.0, 10.0), beside="Queue",
+        "Lead", "Lead", "right", "right", 0, EVERYWHERE, braking=(0.0, 10.0), beside="Queue",
         dense=16.0,
     ),
     "merging": LogicalManeuver(
         "A vehicle merges in front of the ego",
-        "Merging", "Merging", "left", "right", 1, CUT_IN, ("on_ramp",), Label.CUT_IN,
+        "Merging", "Merging", "left", "right", 1, ("on_ramp",), Label.CUT_IN,
     ),
     "diverging": LogicalManeuver(
         "The ego's leader leaves the motorway",
-        "Diverging", "Diverging", "left", "left", -1, CUT_OUT, ("off_ramp",), Label.CUT_OUT,
+        "Diverging", "Diverging", "left", "left", -1, ("off_ramp",), Label.CUT_OUT,
     ),
     "ramp_entering": LogicalManeuver(
         "The ego enters a motorway behind a leader on it",
-        EGO, "Lead", "right", "left", 1, LANE_CHANGE, ("on_ramp",), Label.RAMP_ENTERING, pace=1.0,
+        EGO, "Lead", "right", "left", 1, ("on_ramp",), Label.RAMP_ENTERING, pace=1.0,
     ),
     "ramp_exiting": LogicalManeuver(
         "The ego leaves a motorway behind a leader that stays on it",
-        EGO, "Lead", "left", "left", -1, LANE_CHANGE, ("exit_lane",), Label.RAMP_EXITING, pace=1.0,
+        EGO, "Lead", "left", "left", -1, ("exit_lane",), Label.RAMP_EXITING, pace=1.0,
     ),
     "turn_off": LogicalManeuver(
         "The ego's leader brakes and turns off to the right",
-        "TurnOff", "TurnOff", "right", "right", 0, BRAKING, JUNCTIONS, braking=(2.0, 8.0), turns=True,
+        "TurnOff", "TurnOff", "right", "right", 0, JUNCTIONS, braking=(2.0, 8.0), turns=True,
     ),
 }  # fmt: skip
 """Manoeuvres by name."""

@@ -76,7 +76,12 @@ def test_few_replays_or_draws_do_not_pass_a_density() -> None:
     ):
         assert not few.testable and "not testable" in str(few)
     many = Gate(Share(0, 300), Share(0, 1000))
-    assert many.testable and "testable" not in str(many)
+    assert many.testable and str(many).endswith(
+        f"; from {many.power:.2%} on the density would be refused"
+    )
+    least = round(many.power * 1000)
+    assert Gate(many.replayed, Share(least, 1000)).refusal is not None
+    assert Gate(many.replayed, Share(least - 1, 1000)).refusal is None
     assert Gate(many.replayed, Share(round(TESTABLE * 1000), 1000)).refusal is not None, (
         "it has the power that it claims"
     )

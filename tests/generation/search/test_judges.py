@@ -115,9 +115,11 @@ def test_plays_that_agrees_on_the_judges_plays_the_other_drivers() -> None:
         ran.append(sut)
         return drivers(theta, sut)
 
-    theta = np.array([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0]])
+    theta = np.tile([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0]], (15, 1))
     found = matrix(theta, running, drivers)
-    assert (ran, found.agreed) == (list(JUDGES), 4)
+    assert (ran, found.agreed) == (list(JUDGES), 60)
+    few = matrix(theta[:2], running, drivers)
+    assert few.agreed == 0 and "aeb" in ran, "a few runs take less time than a play"
     assert {name: each.collision.tolist() for name, each in found.drivers.items()} == {
         name: each.collision.tolist() for name, each in matrix(theta, drivers).drivers.items()
     }
@@ -131,7 +133,7 @@ def test_plays_that_differs_on_a_judge_plays_nobody() -> None:
         return drivers(theta, sut)
 
     found = matrix(
-        np.array([[9.0, 7.0, 0.0]]),
+        np.tile([[9.0, 7.0, 0.0]], (30, 1)),
         running,
         lambda theta, sut: outcomes([sut != "r157-cc"] * len(theta)),
     )

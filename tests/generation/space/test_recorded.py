@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 import xosc
+from generation.space.density.roles import KINDS_OF_SCENARIOS, PAIRED
 from generation.space.logical.library import SCENARIOS, maneuver_scenarios
+from generation.space.logical.maneuvers import MANEUVERS
+from generation.space.logical.pairs import PAIRS
 from generation.space.recorded import kind_of, of_catalogue, of_recordings, of_samples
 from generation.space.space import Space
-from recognition.labels.maneuvers.parameters import Parameter
+from recognition.labels.maneuvers.parameters import KINDS, Parameter
 from recognition.labels.maneuvers.units import Samples
 from schemas.common.errors import UsageError
 from tests.recognition.motorway import write_motorway
@@ -172,3 +175,10 @@ def test_a_scenario_with_nobody_besides_the_ego_is_not_searched(tmp_path: Path) 
         entities.remove(each)
     xosc.write(tagged, tmp_path / "alone.xosc")
     assert list(of_catalogue(tmp_path)) == []
+
+
+def test_kinds_by_name_are_those_of_the_tables_of_scenarios() -> None:
+    assert list(PAIRS) == list(PAIRED)
+    assert {*MANEUVERS, *PAIRS} == {*KINDS_OF_SCENARIOS}
+    assert {KINDS_OF_SCENARIOS[name] for name in MANEUVERS} <= {*KINDS}
+    assert kind_of(Path("xosc/library/cut_in_before_braking_leader_highway.xosc")) == PAIRED[0]

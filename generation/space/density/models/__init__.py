@@ -3,14 +3,20 @@ each."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module, metadata
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
+import numpy as np
+
+from generation.space.density.base import Density
 from schemas.common.errors import UsageError, guess
 from schemas.common.packages import described
-
-if TYPE_CHECKING:
-    from generation.space.density.base import Density
+from schemas.common.storage import ForeignCache, cache_folder, fingerprint, keep
 
 DEFAULT = "kde"
 """The density of the publication."""
@@ -72,3 +78,44 @@ def model(name: str) -> Density:
         )
     new: Density = getattr(import_module(found[name].module), found[name].name)()
     return new
+
+
+def cached(name: str, key: bytes, fit: Callable[[], list[Density]]) -> list[Density]:
+    """Fitted models from the cache folder; fitted, and put there, where they are not in it.
+
+    Args:
+        name: of the model.
+        key: digest of all that they are fitted on.
+        fit: fits them.
+    """
+    kind = type(model(name))
+    if kind.restore is Density.restore:
+        return fit()
+    code = b"".join(
+        Path(str(import_module(part).__file__)).read_bytes()
+        for part in (kind.__module__, Density.__module__)
+    )
+    made_by = f"{name} {metadata.version('scikit-learn')} {np.__version__}".encode()
+    try:
+        path = cache_folder("densities") / f"{fingerprint(key + made_by + code)}.npz"
+    except ForeignCache:
+        return fit()
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            return [
+                kind().restore({part: found[f"{number}_{part}"] for part in parts.split()})
+                for number, parts in enumerate(found["parts"].tolist())
+            ]
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        pass  # not there, or damaged
+    densities, content = fit(), BytesIO()
+    arrays = [density.arrays() or {} for density in densities]
+    columns: dict[str, Any] = {
+        f"{number}_{part}": values
+        for number, of in enumerate(arrays)
+        for part, values in of.items()
+    }
+    np.savez(content, parts=np.array([" ".join(of) for of in arrays]), **columns)
+    with suppress(OSError):  # a cache that can't be written costs time, and nothing else
+        keep(content.getvalue(), path)
+    return densities

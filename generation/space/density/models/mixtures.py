@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from itertools import product
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from sklearn.mixture import GaussianMixture
-from threadpoolctl import threadpool_limits
 
 from generation.space.density.base import Components, Density, Whitening, folds
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
+
+if TYPE_CHECKING:  # takes a second to load, and cached mixtures do without
+    from sklearn.mixture import GaussianMixture
 
 DENSITIES = {
     "gaussian": {"class": "Gaussian", "title": "one Gaussian"},
@@ -70,16 +73,19 @@ class Mixture(Density):
             raise UsageError(
                 f"{len(theta)} samples are too few for a mixture of {self.components} components"
             )
+        from threadpoolctl import threadpool_limits
+
         self._whitening = Whitening.of(theta)
         white = self._whitening.forward(theta)
         with threadpool_limits(
             1
         ):  # matrices this small lose far more by handing out work than more threads bring
-            self._model = self._from(
-                _STARTS, self.components or self._likeliest(white, most), white
-            )
+            found = self._from(_STARTS, self.components or self._likeliest(white, most), white)
+        self._white = Components(np.log(found.weights_), found.means_, found.covariances_)
 
     def _from(self, starts: int, components: int, white: FloatArray) -> GaussianMixture:
+        from sklearn.mixture import GaussianMixture
+
         return GaussianMixture(
             components, reg_covar=_RIDGE, n_init=starts, random_state=self.seed
         ).fit(white)
@@ -95,29 +101,43 @@ class Mixture(Density):
     def again(self, rows: int) -> Self:
         """Return an unfitted mixture with the same number of components, or fewer if there are too
         few rows."""
-        means = self._model.means_
+        # Not from these components: started from what all rows say, parts would know of the rows
+        # that they are tested on.
+        means = self._white.means
         return type(self)(min(len(means), _most(rows, means.shape[1])), self.seed)
 
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
-        density: FloatArray = (
-            self._model.score_samples(self._whitening.forward(theta)) + self._whitening.log_jacobian
-        )
+        white = self._whitening.forward(theta)
+        density: FloatArray = self._white.log_density(white) + self._whitening.log_jacobian
         return density
 
     @property
     def gaussians(self) -> Components:
         """The mixture's."""
         return self._whitening.gaussians(
-            np.log(self._model.weights_), self._model.means_, self._model.covariances_
+            self._white.log_weights, self._white.means, self._white.covariances
         )
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
-        drawn = generator.choice(len(self._model.weights_), size=n, p=self._model.weights_)
-        factors = np.linalg.cholesky(self._model.covariances_)[drawn]
+        weights, covariances = np.exp(self._white.log_weights), self._white.covariances
+        drawn = generator.choice(len(weights), size=n, p=weights / weights.sum())
+        factors = np.linalg.cholesky(covariances)[drawn]
         noise = generator.standard_normal((n, factors.shape[1], 1))
-        return self._whitening.back(self._model.means_[drawn] + (factors @ noise)[..., 0])
+        return self._whitening.back(self._white.means[drawn] + (factors @ noise)[..., 0])
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """The fitted mixture for files."""
+        return {**asdict(self._whitening), **asdict(self._white)}
+
+    def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
+        """Fitted as `arrays` says."""
+        self._whitening = Whitening(arrays["mean"], arrays["factor"])
+        self._white = Components(
+            *(arrays[name] for name in ("log_weights", "means", "covariances"))
+        )
+        return self
 
 
 def _most(n: int, d: int) -> int:
@@ -181,6 +201,18 @@ class Student(Density):
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
         return self._gaussians.sample(n, generator)
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """The fitted mixture and what cross-validation chose, for files."""
+        freedom, exceeded = self._chosen
+        return {**self._mixture.arrays(), "chosen": np.array([freedom, float(exceeded)])}
+
+    def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
+        """Fitted as `arrays` says."""
+        freedom, exceeded = arrays["chosen"].tolist()
+        self._mixture, self._chosen = Mixture().restore(arrays), (freedom, bool(exceeded))
+        self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
+        return self
 
 
 def _spread(gaussians: Components, freedom: float, exceeded: bool) -> Components:

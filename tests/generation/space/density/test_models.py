@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,6 +219,37 @@ def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyP
     assert fitted("gaussian", theta, of) is not first
     with pytest.raises(ValueError, match="read-only"):
         outside[0] = 0.0
+
+
+@pytest.mark.parametrize("name", ["mixture", "student"])
+def test_a_fitted_mixture_is_read_from_the_cache_to_the_bit_and_fitted_where_that_is_damaged(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path))
+    theta, of, made = normal(90, seed=12), recordings(90), list[int]()
+    learn = Mixture._learn
+    monkeypatch.setattr(
+        Mixture,
+        "_learn",
+        lambda self, rows, groups: made.append(len(rows)) or learn(self, rows, groups),
+    )
+
+    def anew() -> tuple[list[float], list[float], list[float]]:
+        for each in (fitted, held_out, others):
+            each.cache_clear()
+        whole = fitted(name, theta, of)
+        drawn = whole.sample(5, np.random.default_rng(0))
+        return (
+            whole.log_density(theta).tolist(),
+            held_out(name, theta, of).tolist(),
+            drawn.ravel().tolist(),
+        )
+
+    first, fits = anew(), len(made)
+    assert fits >= 6 and anew() == first and len(made) == fits
+    for file in (tmp_path / "densities").iterdir():
+        file.write_bytes(file.read_bytes()[:100])
+    assert anew() == first and len(made) == 2 * fits
 
 
 @pytest.mark.parametrize("name", ["mixture", "student"])
