@@ -1,21 +1,39 @@
 """SUMO networks: written with exact centre lines and heights, read into lanes.
 
 Source: SUMO documentation, "Networks/SUMO Road Networks". Lanes of SUMO have one width; their
-shapes are centre lines.
+shapes are centre lines. Lanes whose width or cross slope changes have their mean width for SUMO,
+and their borders in two parameters, which SUMO's programs keep and do not read.
 """
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import shapely
 from lxml import etree
 
+from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
-from xodr.formats.maps.lane_map import LANE_TYPES, LaneMap, MapLane, MapSignal, heights_on, shifted
-from xodr.formats.sumo_net import DOCK, build, georeference, lift
+from xodr.formats.maps.lane_map import (
+    LANE_TYPES,
+    LaneMap,
+    MapLane,
+    MapSignal,
+    gone,
+    heights_on,
+    shifted,
+)
+from xodr.formats.sumo_net import DOCK, LaneTrack, georeference, lift
+from xodr.formats.sumo_net.building import convert
 from xodr.graph.network import RoadNetwork
+from xodr.lookup.arrays import Points, section_stations
+from xodr.lookup.lanelets import sides
+from xodr.model import Lane
 
 _WIDTH = 3.2
 """Width (m) of lanes that name none."""
@@ -32,21 +50,124 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     Raises:
         Unsupported: netconvert can't convert the roads.
     """
-    net = build(network.path)
-    if net.fallback is not None:
+    content, index = convert(network, whole=True)
+    if index["fallback"] is not None:
         raise Unsupported(
-            f"SUMO's netconvert can't convert these roads: {net.fallback}", path=network.path
+            f"SUMO's netconvert can't convert these roads: {index['fallback']}", path=network.path
         )
-    root = parse(net.path).getroot()
+    root = etree.fromstring(content)
+    passed = defaultdict[str, list[LaneTrack]](list)
+    for lane, *track in index["tracks"]:
+        passed[lane].append(LaneTrack(*track))
     notes = [note for note in (georeference(root, network),) if note is not None]
     height = network.header.offset[2]
     if height and network.geo_reference is not None and not notes:
         notes.append(f"the height of the offset, {height:g} m, is left out: SUMO has none")
-    lift(root, net, network)
+    longest = {lane: max(tracks, key=lambda track: track.length) for lane, tracks in passed.items()}
+    lift(root, longest, network)
+    _name_types(root, longest, network)
+    bordered = _add_borders(root, passed, network)
+    if bordered:
+        notes.append(
+            f"widths or cross slopes of {bordered} lanes change: SUMO has their mean width, their"
+            f" parameters {_SIDES[0]} and {_SIDES[1]} have their borders"
+        )
     for element in [element for element in root if DOCK in (element.get("id", ""), element.get("from", ""), element.get("to", ""))
                     or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
         root.remove(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
+
+
+def _add_borders(
+    root: etree._Element, passed: Mapping[str, list[LaneTrack]], roads: RoadNetwork
+) -> int:
+    """Give lanes the borders that their widths do not give; the number of these lanes."""
+    bordered = 0
+    for lane in root.iter("lane"):
+        tracks = passed.get(lane.get("id", ""), [])
+        width = float(lane.get("width", _WIDTH))
+        if all(_of_one_width(roads, track, width) for track in tracks):
+            continue
+        line = _points(lane, "shape", roads.path)
+        for key, border in zip(_SIDES, _borders(roads, tracks, line), strict=True):
+            value = " ".join(",".join(f"{number:.4f}" for number in point) for point in border)
+            etree.SubElement(lane, "param", key=key, value=value)
+        bordered += 1
+    return bordered
+
+
+def _name_types(root: etree._Element, longest: Mapping[str, LaneTrack], roads: RoadNetwork) -> None:
+    """Give lanes inside junctions the types of the lanes that they are, or else come from."""
+    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
+    for connection in root.iterchildren("connection"):  # those inside junctions come last
+        within = lanes.get(connection.get("via", ""))
+        source = lanes.get(f"{connection.get('from')}_{connection.get('fromLane')}")
+        if within is not None and source is not None and within.get("type") is None:
+            track = longest.get(within.get("id", ""))
+            within.set("type", _lane_of(roads, track).type if track else source.get("type", "none"))
+
+
+_SIDES = "border.left", "border.right"
+"""Names of the parameters of a lane that have its borders, as SUMO writes shapes."""
+_SAME_WIDTH = 0.01
+"""Difference (m) up to which a width is that of a lane."""
+_SPACING, _CHORD_ERROR = 10.0, 0.01
+"""Greatest distance (m) of the points of borders along the road, and of borders from the lines
+between these."""
+_APART = 1.0
+"""Distance (m) of tracks in a row from which on they are of two ways: SUMO has one from a lane to a
+lane."""
+
+
+def _lane_of(roads: RoadNetwork, track: LaneTrack) -> Lane:
+    section = roads.roads[track.road_id].section(0.5 * (track.start + track.end))
+    return section.lanes[track.lane_id]
+
+
+def _of_one_width(roads: RoadNetwork, track: LaneTrack, width: float) -> bool:
+    """Whether a lane is level and of this width (m) everywhere."""
+    road, lane = roads.roads[track.road_id], _lane_of(roads, track)
+    if lane.heights or any(
+        road.superelevation.starts and road.superelevation(s) for s in (track.start, track.end)
+    ):
+        return False
+    low, high = sorted((track.start, track.end))
+    places = {
+        *np.linspace(low, high, 9).tolist(),
+        *(s for s in lane.width.starts if low < s < high),
+    }
+    return all(abs(lane.width(s) - width) <= _SAME_WIDTH for s in places)
+
+
+def _borders(
+    roads: RoadNetwork, tracks: list[LaneTrack], line: FloatArray
+) -> tuple[Points, Points]:
+    """Left and right border, (n, 3) each, m, beside the centre line of a SUMO lane (m, 3)."""
+    left, right = np.zeros((0, 3)), np.zeros((0, 3))
+    for track in tracks:
+        road, lane = roads.roads[track.road_id], _lane_of(roads, track)
+        low, high = sorted((track.start, track.end))
+        section = road.section(0.5 * (low + high))
+        inside = section_stations(road, section, _CHORD_ERROR, _SPACING)
+        along = np.array([low, *inside[(inside > low) & (inside < high)].tolist(), high])
+        ours = sides(road, lane, along, track.end > track.start)
+        if len(left) and math.dist(left[-1], ours[0][0]) > _APART:
+            break
+        left, right = np.vstack([left, ours[0]]), np.vstack([right, ours[1]])
+    centre = 0.5 * (left + right)
+    along = gone(centre)
+    spots = shapely.line_locate_point(
+        shapely.LineString(centre[:, :2]), shapely.points(line[[0, -1], :2])
+    )
+    low, high = spots.tolist()
+    if high - low < _SAME_WIDTH:
+        return left, right
+    places = np.array([low, *along[(along > low) & (along < high)].tolist(), high])
+    left, right = (
+        np.column_stack([np.interp(places, along, border[:, axis]) for axis in range(3)])
+        for border in (left, right)
+    )
+    return left, right
 
 
 def read(path: Path) -> LaneMap:
@@ -65,6 +186,7 @@ def read(path: Path) -> LaneMap:
         )
     left_hand = root.get("lefthand") in ("true", "1")
     lanes: dict[str, MapLane] = {}
+    moved: list[str] = []
     for edge in root.iterchildren("edge"):
         if edge.get("function") in ("crossing", "walkingarea", "connector"):
             continue
@@ -73,6 +195,11 @@ def read(path: Path) -> LaneMap:
         internal = edge.get("function") == "internal"
         if not internal:
             _lean(made, -1 if left_hand else 1)
+        moved += [
+            ours.id
+            for ours, element in zip(made, row, strict=True)
+            if _take_borders(ours, element, path) is False
+        ]
         for number, lane in enumerate(made):
             lane.in_junction = internal
             inner, outer = (
@@ -89,25 +216,15 @@ def read(path: Path) -> LaneMap:
     location = root.find("location")
     projection, offset = _location(location)
     notes = ["the network says nothing of its place on Earth"] if projection is None else []
+    if moved:
+        notes.append(
+            f"lanes are not between their parameters {' and '.join(_SIDES)}, whose borders are left out: {' '.join(moved)}"
+        )
     return LaneMap(path.name.split(".")[0], lanes, lights, projection, offset, left_hand, notes)
 
 
 def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
-    points = []
-    for text in lane.get("shape", "").split():
-        try:
-            numbers = [float(part) for part in text.split(",")]
-        except ValueError:
-            numbers = []
-        if len(numbers) not in (2, 3) or not np.isfinite(numbers).all():
-            raise InvalidFile(
-                f"shape={text!r} is no point x,y or x,y,z",
-                path=path,
-                line=line_of(lane),
-                element="lane",
-            )
-        points.append([*numbers, 0.0][:3])
-    line = np.array(points).reshape(-1, 3)
+    line = _points(lane, "shape", path)
     line = (
         line[np.append(True, np.hypot(*np.diff(line[:, :2], axis=0).T) > 1e-4)]
         if len(line)
@@ -124,6 +241,52 @@ def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
         lane.get("id", ""), shifted(line, half), shifted(line, -half), _type(lane, edge),
         limit=float(lane.get("speed", "13.89")),
     )  # fmt: skip
+
+
+def _take_borders(made: MapLane, lane: etree._Element, path: Path) -> bool | None:
+    """Give a lane the borders of its parameters; None where it has none, False where its shape is
+    no longer in their middle."""
+    found = {param.get("key"): param for param in lane.iterchildren("param")}
+    if not all(side in found for side in _SIDES):
+        return None
+    left, right = (_points(found[side], "value", path) for side in _SIDES)
+    if len(left) != len(right) or len(left) < 2:
+        return False
+    middle = shapely.LineString(0.5 * (left + right)[:, :2])
+    away = shapely.distance(middle, shapely.points(made.centre[:, :2]))
+    if away.max() > _MOVED:
+        return False
+    made.left, made.right = left, right
+    made.__dict__.pop("centre", None)
+    made.__dict__.pop("length", None)
+    return True
+
+
+_MOVED = 0.1
+"""Distance (m) of a shape from the middle of the borders, above which the lane has been moved since."""
+
+
+def _points(element: etree._Element, attribute: str, path: Path) -> Points:
+    """Points of a lane, (n, 3), m.
+
+    Raises:
+        InvalidFile: one is no point.
+    """
+    points = []
+    for text in element.get(attribute, "").split():
+        try:
+            numbers = [float(part) for part in text.split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (2, 3) or not np.isfinite(numbers).all():
+            raise InvalidFile(
+                f"{attribute}={text!r} is no point x,y or x,y,z",
+                path=path,
+                line=line_of(element),
+                element=str(element.tag),
+            )
+        points.append([*numbers, 0.0][:3])
+    return np.array(points).reshape(-1, 3)
 
 
 def _lean(row: list[MapLane], leftwards: int) -> None:

@@ -100,20 +100,34 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Expor
         widths = [lane.width(s) for s in along.tolist()]
         if not lane.id or lane.type == "none" or max(widths) <= NO_WIDTH:
             continue
-        inner, outer = _bounds(road, lane, along)
         marks = (_mark(_inwards(section, lane)), _mark(lane))
         towards_s = road.direction(lane.id, section.s) > 0
-        on_right = lane.id < 0
+        left, right = sides(road, lane, along, towards_s)
         yield ExportedLanelet(
             key=(road.id, number, lane.id),
-            left=(inner if on_right == towards_s else outer)[:: 1 if towards_s else -1],
-            right=(outer if on_right == towards_s else inner)[:: 1 if towards_s else -1],
-            paint=marks if on_right == towards_s else marks[::-1],
+            left=left,
+            right=right,
+            paint=marks if (lane.id < 0) == towards_s else marks[::-1],
             lane_type=lane.type,
             road_type=road.road_type(section.s),
             in_junction=road.junction_id in network.junctions,
             limit=road.speed_limit(section.s, lane.id),
         )
+
+
+def sides(road: Road, lane: Lane, along: FloatArray, towards_s: bool) -> tuple[Points, Points]:
+    """Left and right bound of a lane for traffic that goes towards +s or against it.
+
+    Args:
+        along: places in ascending order of s, (n,), m.
+
+    Returns:
+        World coordinates in the direction of the traffic, (n, 3) each, m.
+    """
+    inner, outer = _bounds(road, lane, along)
+    left, right = (inner, outer) if (lane.id < 0) == towards_s else (outer, inner)
+    step = 1 if towards_s else -1
+    return left[::step], right[::step]
 
 
 def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:

@@ -104,7 +104,7 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     network_file = folder.name(net.path, f"{network.path.stem}.net.xml")
     converted = parse(net.path).getroot()
     georeferenced = sumo_net.georeference(converted, network)
-    sumo_net.lift(converted, net, network)
+    sumo_net.lift(converted, net.sumo_lanes, network)
     routes, remarks = _routes(tracks, ids, places, roads, result.ego)
     remarks += [georeferenced] if georeferenced is not None else []
     programs = _programs(result, net, converted)

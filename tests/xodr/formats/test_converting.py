@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from lxml import etree
 
 import xodr
 from schemas.common import fates
@@ -296,6 +298,50 @@ def test_lanelet2_keeps_sidewalks_linked_and_lanes_without_traffic_as_areas(
     assert difference.connections == 5 and difference.connections_lost == []
     assert difference.within > 0.98 and difference.types == [] and difference.lost == {}
     assert there.path.read_text(encoding="utf-8").count('v="multipolygon"') == 6
+
+
+def sumo_case(tmp_path: Path) -> maps.MapConversion:
+    """The strips on a bank, with a sidewalk alone on the other side, as a network of SUMO."""
+    walk = LaneDesign("sidewalk", (Cubic(0.0, 2.0, 0.0, 0.0, 0.0),), "solid", 1, 1)
+    roads = [
+        replace(
+            road,
+            superelevation=(Cubic(0.0, 0.0, 0.004, 0.0, 0.0), Cubic(30.0, 0.12, 0.0, 0.0, 0.0)),
+            sections=tuple(
+                replace(section, lanes={**section.lanes, 1: walk}) for section in road.sections
+            ),
+        )
+        for road in strips().roads
+    ]
+    source = RoadMap("strips", tuple(roads)).write(tmp_path / "strips.xodr")
+    return maps.convert(source, tmp_path / "map.net.xml")
+
+
+def test_a_network_keeps_widths_and_slopes_that_change_and_lanes_without_traffic(
+    tmp_path: Path,
+) -> None:
+    there = sumo_case(tmp_path)
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    assert any("SUMO has their mean width" in note for note in there.notes)
+    for difference in (there.difference, compare(there.source, back.result)):
+        assert difference.within > 0.98 and difference.lost == difference.gained == {}
+        assert difference.connections == 6 and difference.connections_lost == []
+        assert difference.heights.largest < 0.05 and difference.types == []
+
+
+def test_borders_of_a_lane_that_was_moved_in_a_network_are_left_out(tmp_path: Path) -> None:
+    there = sumo_case(tmp_path)
+    tree = etree.parse(there.path)
+    lane = next(lane for lane in tree.iter("lane") if lane.find("param[@key='border.left']") is not None)  # fmt: skip
+    lane.set("shape", "0,50 60,50")
+    tree.write(there.path)
+    made = maps.read_map(there.path)
+    assert any(note.endswith(str(lane.get("id"))) and "left out" in note for note in made.notes)
+    assert made.lanes[str(lane.get("id"))].centre[:, 1] == pytest.approx(50.0)
+    lane.find("param[@key='border.left']").set("value", "0,50,nan 1,2")  # type: ignore[union-attr]
+    tree.write(there.path)
+    with pytest.raises(InvalidFile, match=r"map.net.xml:\d+: param: value='0,50,nan' is no point"):
+        maps.read_map(there.path)
 
 
 def one_road(plan: tuple[Clothoid, ...], ring: bool, roll: float) -> RoadMap:

@@ -82,7 +82,7 @@ FATES: Mapping[str, Fates] = {
         "lateral profiles": lost("lanelets have none"),
     },
     "sumo": {
-        "lane borders": changed("one width for each piece of a lane: exact where widths are constant"),
+        "lane borders": changed("one width for SUMO; exact in parameters `border.left`, `border.right`"),
         "centre lines": kept("shapes"), "heights": kept("shapes"), "lane types": kept("`type`, `allow`"),
         "road types": lost("no attribute"), "speed limits": kept("`speed`"), "road marks": lost("SUMO has none"),
         "lane links": kept("connections"), "neighbours": changed("lanes of an edge"), "junctions": changed("netconvert's nodes"),

@@ -17,6 +17,7 @@ import os
 import sys
 import warnings
 from collections import defaultdict
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from os import PathLike
@@ -167,7 +168,7 @@ _OSM_OPTIONS = (
     "--output.street-names", "--seed=42",
 )  # fmt: skip
 
-CACHE_FORMAT = 3
+CACHE_FORMAT = 4
 """To be counted up when the same road network shall give another SUMO network or index."""
 
 
@@ -218,9 +219,13 @@ WIDEST = 1000.0
 _Connections = dict[tuple[SumoLane, SumoLane], etree._Element]
 
 
-def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
-    """The network file, and the index that says what is what in it."""
-    plain = plain_network(roads)
+def convert(roads: RoadNetwork | None, whole: bool = False) -> tuple[bytes, dict[str, Any]]:
+    """The network file, and the index that says what is what in it.
+
+    Args:
+        whole: as in `plain_network`.
+    """
+    plain = plain_network(roads, whole)
     with TemporaryDirectory(prefix="xosc-netconvert-") as folder:
         fallback = None
         try:
@@ -280,12 +285,16 @@ def proj_text(roads: RoadNetwork) -> str:
     return given.replace("+type=crs", "").strip()
 
 
-def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
-    """Give the lanes of a SUMO network the heights of its roads."""
+def lift(network: etree._Element, tracks: Mapping[str, LaneTrack], roads: RoadNetwork) -> None:
+    """Give the lanes of a SUMO network the heights of its roads.
+
+    Args:
+        tracks: what each SUMO lane is on the roads.
+    """
     if all(road.flat for road in roads.roads.values()):
         return
     for lane in network.iter("lane"):
-        track = net.track(lane.get("id", ""))
+        track = tracks.get(lane.get("id", ""))
         if track is None:
             continue
         points = [
@@ -360,7 +369,7 @@ def _connections(network: etree._Element) -> _Connections:
 
 def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, LaneTrack]]:
     """Every SUMO lane with what it is in the road network; lanes inside junctions with all that
-    they pass, longest first."""
+    they pass, in order."""
     found = list(plain.lanes.items())
     onward = {
         f"{source.edge}_{source.lane}": element.get("via")
@@ -370,10 +379,7 @@ def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, L
     for way, tracks in plain.inside.items():
         inner = connections[way].get("via") if way in connections else None
         while inner:
-            found += [
-                (inner, track)
-                for track in sorted(tracks, key=lambda track: -abs(track.end - track.start))
-            ]
+            found += [(inner, track) for track in tracks]
             inner = onward.get(inner)
     return found
 

@@ -127,6 +127,11 @@ class LaneTrack(NamedTuple):
     start: float
     end: float
 
+    @property
+    def length(self) -> float:
+        """Length along the road, m."""
+        return abs(self.end - self.start)
+
 
 class SignalLink(NamedTuple):
     """A signal in SUMO: traffic light and number of the link in its state string."""
@@ -161,7 +166,9 @@ class SumoNet:
         self._tracks: dict[str, LaneTrack] = {}
         self._lanes: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
         for sumo_lane, track in tracks:
-            self._tracks.setdefault(sumo_lane, track)
+            known = self._tracks.get(sumo_lane)
+            if known is None or track.length > known.length:
+                self._tracks[sumo_lane] = track
             self._lanes[track.road_id, track.lane_id].append(
                 (min(track.start, track.end), sumo_lane)
             )

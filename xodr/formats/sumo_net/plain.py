@@ -157,13 +157,17 @@ class PlainNetwork:
     outlines: dict[str, list[Point]] = field(default_factory=dict)
 
 
-def plain_network(network: RoadNetwork | None) -> PlainNetwork:
-    """All roads, and the dock; the dock alone where there is no network."""
+def plain_network(network: RoadNetwork | None, whole: bool = False) -> PlainNetwork:
+    """All roads, and the dock; the dock alone where there is no network.
+
+    Args:
+        whole: also directions of roads without a lane for traffic, which are of no use in a run.
+    """
     roads = network.roads.values() if network else ()
     poses = [road.pose(s) for road in roads for s in (0.0, road.length)]
     x = min((pose.x for pose in poses), default=0.0) - _DOCK_DISTANCE
     y = min((pose.y for pose in poses), default=0.0) - _DOCK_DISTANCE
-    plain = _Writer(network, (x, y)).write() if network else PlainNetwork(left_hand=False)
+    plain = _Writer(network, (x, y), whole).write() if network else PlainNetwork(left_hand=False)
     for name, end in (("dock/start", x - _DOCK_LENGTH), ("dock/end", x)):
         _element(plain.nodes, "node", id=name, x=f"{end:.4f}", y=f"{y:.4f}")
     ends = {"from": "dock/start", "to": "dock/end"}
@@ -198,8 +202,9 @@ class _Writer:
         nowhere: outline of a place that no lane comes near.
     """
 
-    def __init__(self, network: RoadNetwork, nowhere: Point) -> None:
+    def __init__(self, network: RoadNetwork, nowhere: Point, whole: bool) -> None:
         self.network = network
+        self.whole = whole
         rules = [road.rule for road in network.roads.values()]
         self.plain = PlainNetwork(rules.count("LHT") > len(rules) / 2)
         self.connections = lane_connections(network)
@@ -280,7 +285,7 @@ class _Writer:
         """Return the edge with all lanes of one direction, none if all are closed, and the position
         of each lane in SUMO."""
         lanes = self._from_the_kerb(road, piece, direction)
-        if all(_use(lane) is CLOSED for lane in lanes):
+        if not lanes or (not self.whole and all(_use(lane) is CLOSED for lane in lanes)):
             return {}
         start, end = (piece.start, piece.end) if direction > 0 else (piece.end, piece.start)
         attributes = {
@@ -308,7 +313,7 @@ class _Writer:
         ]
         if (direction < 0) != self.plain.left_hand:
             lanes.reverse()
-        return [lane for lane in lanes if _width(road, lane, piece) > NARROW]
+        return [lane for lane in lanes if _width(road, lane, piece) > 0.0]
 
     def _seam(self, road: Road, pieces: tuple[_Piece, _Piece], rows: tuple[_Row, _Row]) -> None:
         """The ways between two pieces of a road that follow each other towards +s."""
@@ -450,9 +455,14 @@ def _use(lane: Lane) -> Use:
 
 
 def _width(road: Road, lane: Lane, piece: _Piece) -> float:
-    """Mean width of a lane on a piece as seen from above, 0 where it is nowhere wider than NARROW."""
+    """Mean width of a lane on a piece as seen from above, at least NARROW; 0 where it is nowhere
+    wider."""
     places = [
         piece.start + (piece.end - piece.start) * share for share in (0.0, 0.25, 0.5, 0.75, 1.0)
     ]
-    widths = [max(lane.width(s), 0.0) * math.cos(road.superelevation(s)) for s in places]
-    return sum(widths) / len(widths) if max(widths) > NARROW else 0.0
+    inside = [s for s in lane.width.starts if piece.start < s < piece.end]
+    widths = [
+        max(lane.width(s), 0.0) * math.cos(road.superelevation(s)) for s in (*places, *inside)
+    ]
+    mean = sum(widths[: len(places)]) / len(places)
+    return max(mean, NARROW) if max(widths) > NARROW else 0.0
