@@ -14,12 +14,18 @@ LIBRARY = Path(xodr.__file__).parent / "library"
 NAMES = ["roundabout", "highway_off_ramp", "sharp_curve", "t_junction_two_lanes"]
 
 LANELETS = """
-import json, sys
+import json, pathlib, sys
+import commonroad.common
+from lxml import etree
 from commonroad.common.file_reader import CommonRoadFileReader
-scenario, _ = CommonRoadFileReader(sys.argv[1]).open()
+scenario, problems = CommonRoadFileReader(sys.argv[1]).open()
+schema = pathlib.Path(commonroad.common.__file__).parent / "xml_definition_files" / "XML_commonRoad_XSD.xsd"
+judge = etree.XMLSchema(etree.parse(schema))
+judge.validate(etree.parse(sys.argv[1]))
+faults = [fault.message for fault in judge.error_log]
 found = scenario.lanelet_network.lanelets
 print(json.dumps({"length": sum(float(one.distance[-1]) for one in found), "links": sum(len(one.successor) for one in found),
-                  "lanelets": len(found)}))
+                  "lanelets": len(found), "problems": len(problems.planning_problem_dict), "faults": faults}))
 """
 ISSUES = """
 import json, sys
@@ -37,11 +43,14 @@ print(json.dumps([len(checks), [issue.description for check in checks for issue 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_commonroad_io_reads_all_lanes_and_links(name: str, read: Read, tmp_path: Path) -> None:
+def test_commonroad_io_reads_all_lanes_and_links_of_files_that_its_schema_accepts(
+    name: str, read: Read, tmp_path: Path
+) -> None:
     made = maps.convert(LIBRARY / f"{name}.xodr", tmp_path / f"{name}.xml")
     found = read(LANELETS, made.path)
     lanes = made.source.lanes.values()
     assert found["lanelets"] == len(lanes)
+    assert (found["problems"], found["faults"]) == (1, [])
     assert found["links"] == sum(len(lane.successors) for lane in lanes)
     assert found["length"] == pytest.approx(sum(lane.length for lane in lanes), rel=1e-3)
 

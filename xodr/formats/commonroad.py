@@ -201,7 +201,15 @@ _CROSSWALK = "crosswalk"
 
 
 def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
-    """The content of a file without scenario, and what is changed."""
+    """The content of a file without scenario, and what is changed.
+
+    CommonRoad's schema asks for a planning problem in each file.
+
+    Raises:
+        Unsupported: there is no lane.
+    """
+    if not lane_map.lanes:
+        raise Unsupported("a map without lanes is no CommonRoad file")
     attributes = {
         "timeStepSize": "0.1", "commonRoadVersion": "2020a", "author": "xosc-toolchain", "affiliation": "xosc-toolchain",
         "source": lane_map.name, "benchmarkID": f"ZAM_{re.sub('[^A-Za-z0-9]', '', lane_map.name.title()) or 'Map'}-1",
@@ -236,9 +244,12 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         etree.SubElement(element, "color").text = "inactive"
         etree.SubElement(light, "position").append(_point(signal.place, False))
         etree.SubElement(light, "active").text = "false"
+    problem = taken + len(lane_map.crosswalks) + 1
+    root.append(_standing(str(problem), next(iter(lane_map.lanes.values())), ids))
     etree.indent(root)
     left_out = sum(signal.kind == "sign" for signal in lane_map.signals)
-    notes = [f"{left_out} signs are left out, but for speed limits of lanes"] if left_out else []
+    notes = ["CommonRoad asks for a planning problem: one stands on lanelet 1"]
+    notes += [f"{left_out} signs are left out, but for speed limits of lanes"] if left_out else []
     notes += (
         []
         if lane_map.projection is not None
@@ -248,6 +259,29 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         height = lane_map.offset[2]
         notes.append(f"the height of the offset, {height:g} m, is left out: CommonRoad has none")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n", notes
+
+
+def _standing(number: str, lane: MapLane, ids: dict[str, str]) -> etree._Element:
+    """The planning problem that the format asks of each file: a vehicle that stays on a lane."""
+    problem = etree.Element("planningProblem", id=number)
+    initial = etree.SubElement(problem, "initialState")
+    first, second = lane.centre[:2].tolist()
+    etree.SubElement(initial, "position").append(_point(first, False))
+    heading = math.atan2(second[1] - first[1], second[0] - first[0])
+    for tag, value in (
+        ("velocity", "0.0"),
+        ("orientation", f"{heading:.6f}"),
+        ("yawRate", "0.0"),
+        ("slipAngle", "0.0"),
+        ("time", "0"),
+    ):
+        etree.SubElement(etree.SubElement(initial, tag), "exact").text = value
+    goal = etree.SubElement(problem, "goalState")
+    time = etree.SubElement(goal, "time")
+    etree.SubElement(time, "intervalStart").text = "0"
+    etree.SubElement(time, "intervalEnd").text = "1"
+    etree.SubElement(etree.SubElement(goal, "position"), "lanelet", ref=ids[lane.id])
+    return problem
 
 
 def _location(lane_map: LaneMap) -> etree._Element:

@@ -418,6 +418,21 @@ def test_openstreetmap_becomes_roads_where_it_is_and_is_said_to_be_rough(tmp_pat
     assert made.difference.connections > 5 and made.difference.connections_lost == []
 
 
+def test_a_wrong_map_is_converted_with_remarks(tmp_path: Path) -> None:
+    """Bounds exchanged, as a map has them whose axis points down: its lanes make no roads."""
+    there = maps.convert(LIBRARY / "roundabout.xodr", tmp_path / "map.xml")
+    assert not any("is the source right" in note for note in there.notes)
+    text = there.path.read_text(encoding="utf-8")
+    for here, other in (("leftBound", "middle"), ("rightBound", "leftBound"), ("middle", "rightBound")):  # fmt: skip
+        text = text.replace(f"{here}>", f"{other}>")
+    there.path.write_text(text, encoding="utf-8")
+    made = maps.convert(there.path, tmp_path / "back.xodr")
+    said = " ".join(made.notes)
+    count = len(made.source.lanes)
+    assert f"lies to the right of the right one on {count} of {count} lanes: 1 2" in said
+    assert made.difference.within < 0.9 and f"only {made.difference.within:.1%} of" in said
+
+
 # files ------------------------------------------------------------------------------------------
 
 

@@ -3,7 +3,7 @@ compared with the source."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -192,6 +192,21 @@ def read_map(
         raise UsageError(f"an origin is for Lanelet2 maps; this is {kind}", path=path)
     if kind == "opendrive":
         return lane_map.of_network(load(path))
+    made = _read_lanes(path, origin, kind)
+    crossed = [lane.id for lane in made.lanes.values() if lane_map.sides_exchanged(lane)]
+    if crossed:
+        made.notes.append(
+            f"the left border lies to the right of the right one on {len(crossed)} of"
+            f" {len(made.lanes)} lanes: {' '.join(crossed[:_NAMED])}{' …' * (len(crossed) > _NAMED)}"
+        )
+    return made
+
+
+_NAMED = 10
+"""Most lanes that a note names"""
+
+
+def _read_lanes(path: Path, origin: tuple[float, float] | None, kind: str) -> LaneMap:
     if kind == "lanelet2":
         return lanelet2.read(path, origin)
     if kind == "sumo":
@@ -258,9 +273,25 @@ def convert(
         keep(content, there)
     result = read_map(there, None, target_format)
     difference = compare(one, result)
-    return MapConversion(
-        there, source_format, target_format, [*one.notes, *notes], difference, one, result
-    )
+    notes = [*one.notes, *notes, *_shortfall(difference)]
+    return MapConversion(there, source_format, target_format, notes, difference, one, result)
+
+
+_ENOUGH = 0.95
+"""Share of the lanes' length within 5 cm, and of connections, below which a note says so"""
+
+
+def _shortfall(difference: MapDifference) -> Iterator[str]:
+    """Sentences on a result that is far from its source."""
+    if difference.within < _ENOUGH:
+        yield (
+            f"only {difference.within:.1%} of the lanes' length has borders within 5 cm of the"
+            f" source's (largest distance {difference.borders.largest:.2f} m,"
+            f" {sum(difference.lost.values()):.0f} m without a lane): is the source right?"
+        )
+    if difference.connections_kept < _ENOUGH:
+        lost = len(difference.connections_lost)
+        yield f"{lost} of {difference.connections} connections are lost: is the source right?"
 
 
 def _written(

@@ -242,6 +242,13 @@ def _signals(network: RoadNetwork) -> list[MapSignal]:
     ]  # fmt: skip
 
 
+def sides_exchanged(lane: MapLane) -> bool:
+    """Whether the left border lies to the right of the right one, in the direction of traffic."""
+    left, right = (resampled(line, 5)[:, :2] for line in (lane.left, lane.right))
+    ahead, across = (left + right)[3] - (left + right)[1], left[2] - right[2]
+    return bool(ahead[0] * across[1] - ahead[1] * across[0] < 0.0)
+
+
 # areas -------------------------------------------------------------------------------------------
 
 
