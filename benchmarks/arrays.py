@@ -29,7 +29,7 @@ from runner.batch.arrays import obstacle, play, structures
 from runner.batch.batch import runnable
 from runner.batch.jobs import Job, jobs_of
 from runner.engine.motion.rss import parameter_set
-from runner.judging.evidence.batch import OPEN, BatchOutcomes
+from runner.judging.evidence.array_judge import OPEN, ArrayOutcomes
 from runner.judging.measures.criticality import Criticality
 from runner.judging.measures.runs import Measuring
 from runner.judging.result import RunResult
@@ -69,7 +69,7 @@ def scenario_of(path: Path, count: int, seed: int) -> tuple[Path, list[dict[str,
 
 def played(
     path: Path, sets: Sequence[Mapping[str, str]], settings: RunSettings
-) -> dict[int, tuple[BatchOutcomes, int]]:
+) -> dict[int, tuple[ArrayOutcomes, int]]:
     """Outcomes in arrays of the sets that have one, and their places there, by the numbers of the
     sets."""
     found = {}
@@ -82,7 +82,7 @@ def played(
     return found
 
 
-def differences(outcomes: BatchOutcomes, place: int, result: RunResult) -> Iterator[str]:
+def differences(outcomes: ArrayOutcomes, place: int, result: RunResult) -> Iterator[str]:
     """Differences of a run in arrays from that of the interpreter."""
     told = (outcomes.outcome[place], outcomes.status[place], float(outcomes.end_time[place]))
     truth = (result.verdict.outcome, result.status, result.end_time)

@@ -18,8 +18,8 @@ import numpy as np
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.worlds.surroundings import Environment
 from runner.systems import Observation, Participant, load_system
+from runner.systems.array_systems import open_arrays
 from runner.systems.arrays import stack
-from runner.systems.batch_systems import open_batch
 
 SYSTEMS = ("cas", "adas", "aeb", "idm", "rss", "fsm", "r157-cc", "r157-reg")
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
@@ -69,8 +69,8 @@ def main() -> None:
     many = [situation(rng, options.others) for _ in range(options.runs)]
     stacked, seeds = stack(many), np.arange(options.runs)
     for name in options.systems:
-        single, batch = load_system(name), open_batch(name)
-        assert single is not None and batch is not None
+        single, arrays = load_system(name), open_arrays(name)
+        assert single is not None and arrays is not None
 
         def one_by_one(system=single) -> int:  # type: ignore[no-untyped-def]
             system.reset(many[0].ego, DT, 0)
@@ -78,18 +78,18 @@ def main() -> None:
                 system.control(each, DT)
             return 500
 
-        def together(system=batch) -> int:  # type: ignore[no-untyped-def]
+        def together(system=arrays) -> int:  # type: ignore[no-untyped-def]
             return len(system.control(stacked, DT).acceleration)
 
-        batch.reset(stacked.ego, DT, seeds)
-        share = float(batch.control(stacked, DT).accelerates.mean())
+        arrays.reset(stacked.ego, DT, seeds)
+        share = float(arrays.control(stacked, DT).accelerates.mean())
         alone, at_once = rate(one_by_one, options.seconds), rate(together, options.seconds)
         print(
             f"{name:<9} {alone:10,.0f} a second one by one, {at_once:11,.0f} at once"
             f" ({at_once / alone:.1f} times), {share:.0%} intervene",
             flush=True,
         )
-        batch.close()
+        arrays.close()
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import xosc
 import xosc_toolchain as xt
 from runner import RunResult, RunSettings
 from runner.engine.compile.element import EntityCondition
-from runner.engine.compile.run import Instant
+from runner.engine.compile.protocols import Instant
 from runner.engine.participants.boxes import gap
 from runner.engine.participants.entity import Entity
 

@@ -16,7 +16,7 @@ from runner.batch.arrays import BLOCK, obstacle, play, structures
 from runner.batch.jobs import Job
 from runner.batch.pool import Workers, results
 from runner.engine.motion.rss import parameter_set
-from runner.judging.evidence.batch import OPEN, BatchOutcomes
+from runner.judging.evidence.array_judge import OPEN, ArrayOutcomes
 from runner.judging.measures.runs import Measuring
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
@@ -119,7 +119,7 @@ def _played(
     return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
 
 
-def _columns(outcomes: BatchOutcomes) -> dict[str, Any]:
+def _columns(outcomes: ArrayOutcomes) -> dict[str, Any]:
     """Columns of `Outcomes` of runs in arrays (n,)."""
     measured = outcomes.measures
     assert measured is not None

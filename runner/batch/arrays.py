@@ -25,15 +25,15 @@ from runner.batch.pool import Workers, results
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.compile.road_network import load_roads
 from runner.engine.motion.rss import parameter_set
-from runner.engine.storyboard.batch_run import BatchSimulation
+from runner.engine.storyboard.array_run import ArraySimulation
 from runner.judging.criteria.criterion import declared
-from runner.judging.evidence.batch import OPEN, BatchJudge, BatchOutcomes
+from runner.judging.evidence.array_judge import OPEN, ArrayJudge, ArrayOutcomes
 from runner.judging.evidence.least import least_values
 from runner.judging.measures.runs import Measuring, RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
-from runner.systems.batch_systems import open_batch
-from runner.systems.drivers import BatchSystemDriver, find_ego
+from runner.systems.array_systems import open_arrays
+from runner.systems.drivers import ArraySystemDriver, find_ego
 from schemas.common.array_types import IntArray
 from schemas.common.errors import ToolchainError, Unsupported
 from schemas.common.policy import current
@@ -87,7 +87,7 @@ class PlayedRow:
     """
 
     members: IntArray
-    outcomes: BatchOutcomes
+    outcomes: ArrayOutcomes
 
 
 def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[CompiledSets]:
@@ -414,7 +414,7 @@ def _kind(job: Job) -> tuple[Path, Path, int | None, frozenset[str]]:
     return job.source, job.scenario, job.seed, frozenset(job.parameters)
 
 
-def _measures(outcomes: BatchOutcomes, measured: RunMeasures, at: int) -> dict[str, Any]:
+def _measures(outcomes: ArrayOutcomes, measured: RunMeasures, at: int) -> dict[str, Any]:
     """Columns of a run in `sets.parquet`."""
     measures: dict[str, Any] = {
         **dict.fromkeys(_COLUMNS),
@@ -439,7 +439,7 @@ def _run(
     settings: RunSettings,
     measuring: Measuring | None = None,
     keeps: bool = False,
-) -> Iterator[tuple[BatchSimulation, BatchJudge]]:
+) -> Iterator[tuple[ArraySimulation, ArrayJudge]]:
     """The runs of some sets; the system under test is closed after them."""
     scenario = structure.scenario
     least = least_values(settings.least)
@@ -449,16 +449,16 @@ def _run(
     ego = find_ego(scenario, settings.ego)
     if ego is None:
         raise NotInArrays("a scenario without an ego plays in single runs only")
-    system = open_batch(settings.sut, settings.sut_in_process, settings.sut_timeout)
+    system = open_arrays(settings.sut, settings.sut_in_process, settings.sut_timeout)
     with closing(system) if system is not None else nullcontext():
         driver = (
-            BatchSystemDriver(system, scenario, ego, len(sets), settings.timestep, settings.seed)
+            ArraySystemDriver(system, scenario, ego, len(sets), settings.timestep, settings.seed)
             if system is not None
             else None
         )
-        judge = BatchJudge(scenario, sets, system is not None, reserve, measuring, keeps)
+        judge = ArrayJudge(scenario, sets, system is not None, reserve, measuring, keeps)
         after = round(_AFTER_COLLISION / settings.timestep)
-        run = BatchSimulation(
+        run = ArraySimulation(
             scenario,
             sets,
             settings.timestep,

@@ -9,7 +9,7 @@ Modules:
 
 - `arrays`: observations and controls of many runs at once
 - `base`: what they see, what they answer, and how they are found
-- `batch_systems`: any system under test in many runs at once
+- `array_systems`: any system under test in many runs at once
 - `drivers`: the ego, from when on a system under test drives it, and its drivers
 - `encounters`: participants ahead as the ego sees them, along and across its heading
 - `isolation`: systems of users in processes of their own

@@ -38,7 +38,7 @@ from runner.engine.storyboard.driver import Decision, EgoDriver
 from runner.engine.worlds.base import DriverRequest
 from runner.engine.worlds.signals_ahead import StopLine, stop_line
 from runner.systems import System, system_name
-from runner.systems.arrays import BatchObservation, BatchParticipants, objects
+from runner.systems.arrays import ArrayObservation, ArrayParticipants, objects
 from runner.systems.base import (
     PEDAL,
     RAISED,
@@ -59,13 +59,13 @@ from xosc.document.node import EGO_NAME
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.compile.run import Run
+    from runner.engine.compile.protocols import Run
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
     from runner.engine.worlds.signals_ahead import SignalAhead
-    from runner.systems.arrays import BatchSystem
+    from runner.systems.arrays import ArraySystem
     from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
@@ -357,7 +357,7 @@ class SystemDriver(EgoDriver):
             run.note("interventionStart", ego.name, reason)
 
 
-class BatchSystemDriver(RunRows):
+class ArraySystemDriver(RunRows):
     """`SystemDriver` in many runs at once: the ego's speed by a system under test; it does not
     steer here.
 
@@ -378,7 +378,7 @@ class BatchSystemDriver(RunRows):
 
     def __init__(
         self,
-        system: BatchSystem,
+        system: ArraySystem,
         scenario: Scenario,
         ego: Entity,
         n: int,
@@ -409,13 +409,13 @@ class BatchSystemDriver(RunRows):
             if name in domains:
                 values[rows] = domains[name]
 
-    def begin(self, run: BatchRun) -> None:
+    def begin(self, run: ArrayRun) -> None:
         """Reset the system, for all runs."""
         timestep, seeds = self._settings
-        egos = BatchParticipants(**_constants([run.ego], run.n, ()), **_state([run.ego], ()))
+        egos = ArrayParticipants(**_constants([run.ego], run.n, ()), **_state([run.ego], ()))
         self._system.reset(egos, timestep, seeds)
 
-    def decide(self, run: BatchRun, ego: EntityRows) -> FloatArray:
+    def decide(self, run: ArrayRun, ego: EntityRows) -> FloatArray:
         """Speeds (n,) at the end of the step: by the system's accelerations within the ego's
         limits, or the scripted ones."""
         longitudinal = self._domains[LONGITUDINAL]
@@ -442,13 +442,13 @@ class BatchSystemDriver(RunRows):
         was, left = self._returning, target
         self._returning = accelerates
         if was.any():
-            back = returning_batch(ego, target, dt)
+            back = returning_arrays(ego, target, dt)
             self._returning = accelerates | (was & (np.abs(back - target) >= _SAME))
             left = np.where(was, back, target)
         found: FloatArray = np.where(accelerates, driven, left)
         return found
 
-    def _observations(self, run: BatchRun, ego: EntityRows, rows: IntArray) -> BatchObservation:
+    def _observations(self, run: ArrayRun, ego: EntityRows, rows: IntArray) -> ArrayObservation:
         n = run.n
         others = [entity for entity in run.entities.values() if entity is not ego]
         if not self._constant:
@@ -463,11 +463,11 @@ class BatchSystemDriver(RunRows):
             }
         if self._constant["environment"][0] is not run.environment:
             self._constant["environment"] = run.environment, objects([run.environment] * n)
-        found = BatchObservation(
+        found = ArrayObservation(
             self._runs,
             np.full(n, run.time),
-            BatchParticipants(**self._constant["ego"], **_state([ego], ())),
-            BatchParticipants(**self._constant["others"], **_state(others, (len(others), n))),
+            ArrayParticipants(**self._constant["ego"], **_state([ego], ())),
+            ArrayParticipants(**self._constant["others"], **_state(others, (len(others), n))),
             ego.target_speed,
             self._constant["network"],
             self._constant["environment"][1],
@@ -570,7 +570,7 @@ def returning(ego: Entity, target: float, dt: float) -> float:
     return ego.speed + max(-most, min(most, change))
 
 
-def returning_batch(ego: EntityRows, target: FloatArray, dt: float) -> FloatArray:
+def returning_arrays(ego: EntityRows, target: FloatArray, dt: float) -> FloatArray:
     """`returning` in many runs (n,)."""
     limits, change = ego.declared.performance, target - ego.speed
     faster = min(_RETURN, limits.max_acceleration)

@@ -24,8 +24,8 @@ from xosc_toolchain.plugin import KINDS, write_plugin
 from xosc_toolchain.xosc import EXTENSIONS
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from runner.engine.participants.entity import Entity
     from xosc.document.node import Node
 

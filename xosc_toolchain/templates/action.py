@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
+from runner.engine.compile.protocols import Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.entity import Entity
     from xosc.document.node import Node
 

@@ -8,8 +8,8 @@ from runner.engine.compile.element import EntityCondition
 from runner.engine.compile.registry import condition
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from runner.engine.participants.entity import Entity
     from xodr.graph.network import RoadNetwork
     from xosc.document.node import Node

@@ -8,14 +8,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from runner.engine.compile.element import PrivateAction
+from runner.engine.compile.protocols import Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
 from runner.engine.participants.entity import Entity
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
 
 _EPSILON = 1e-9
 

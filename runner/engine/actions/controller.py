@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess
+from runner.engine.compile.array_protocols import ArrayProcess
 from runner.engine.compile.element import PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.participants.entity import Entity
@@ -21,9 +21,9 @@ from xosc.document.node import Node
 from xosc.rules.references import CONTROLLER_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray
 
@@ -84,7 +84,7 @@ class AssignControllerAction(PrivateAction):
         run.note("controller", actor.name, f"assigned {self.name}")
         _activate(actor, self.switches, run)
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """Activate: an assigned controller has no other effect."""
         return _Activation(self.switches, actor, run)
 
@@ -119,15 +119,15 @@ class ActivateControllerAction(PrivateAction):
         """Activate or deactivate at once."""
         _activate(actor, self.switches, run)
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The same, in many runs."""
         return _Activation(self.switches, actor, run)
 
 
-class _Activation(BatchProcess):
+class _Activation(ArrayProcess):
     """Activation of controllers in many runs."""
 
-    def __init__(self, switches: dict[str, bool], actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, switches: dict[str, bool], actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(run)
         self._switches, self._actor, self._run = switches, actor, run
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from runner.engine.actions.lateral import follow_road
 from runner.engine.actions.speed import set_speed
-from runner.engine.compile.batch import BatchSteps
+from runner.engine.compile.array_protocols import ArraySteps
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction, need_places
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Rest, Running
 from runner.engine.motion import spacing
 from runner.engine.motion.dynamics import GapController, gap_speeds, read_constraints, tighter
 from runner.engine.motion.following import PathMotion
@@ -27,9 +27,9 @@ from schemas.common.array_types import BoolArray, FloatArray
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.rows import EntityRows
 
 
@@ -108,7 +108,7 @@ class LongitudinalDistanceAction(PrivateAction):
         )
         return _Rigid(gap) if self.continuous else None
 
-    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+    def steps_in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArraySteps | None:
         """The controllers of many runs; a rigid distance is kept run by run."""
         return _Approaches(self, actor, run) if self.constraints is not None else None
 
@@ -256,11 +256,11 @@ class _Approach(Running):
         return None if self._continuous else _apart(self._gap.error(), _REACHED)
 
 
-class _Approaches(BatchSteps):
+class _Approaches(ArraySteps):
     """`_Approach` of an actor in many runs."""
 
     def __init__(
-        self, action: LongitudinalDistanceAction, actor: EntityRows, run: BatchRun
+        self, action: LongitudinalDistanceAction, actor: EntityRows, run: ArrayRun
     ) -> None:
         self._action, self._actor, self._run = action, actor, run
         self._distance, self._time_gap = np.zeros(run.n), np.zeros(run.n)
@@ -278,7 +278,7 @@ class _Approaches(BatchSteps):
         """Ask for the controllers' speeds; where there is no way to the reference the speed stays."""
         actor, action = self._actor, self._action
         reference = self._run.entities[action.reference.name]
-        ahead = spacing.ahead_batch(self._run.roads, actor, reference, action.system, rows)
+        ahead = spacing.ahead_arrays(self._run.roads, actor, reference, action.system, rows)
         goal = self._distance + self._time_gap * np.abs(reference.speed)
         if action.freespace:
             goal += self._overhang(reference)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.engine.compile import registry
-from runner.engine.compile.batch import BatchProcess
+from runner.engine.compile.array_protocols import ArrayProcess
 from runner.engine.compile.element import GlobalAction, PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.participants.entity import Entity
@@ -19,10 +19,10 @@ from xosc.document.node import Node
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray
@@ -137,15 +137,15 @@ class TeleportAction(PrivateAction):
         """Jump."""
         run.place(actor, self.position.resolve(run, actor))
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The same, in many runs."""
         return _Teleport(self.position, actor, run)
 
 
-class _Teleport(BatchProcess):
+class _Teleport(ArrayProcess):
     """A teleport in many runs."""
 
-    def __init__(self, position: Position, actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, position: Position, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(run)
         self._position, self._actor, self._run = position, actor, run
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from runner.engine.actions.speed import demanded_speed
 from runner.engine.compile import registry
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
-from runner.engine.compile.run import Rest, Running
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.motion.dynamics import GapController
 from runner.engine.motion.following import JOINING, PathMotion, join
 from runner.engine.motion.paths import Chain, turns_back
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.entity import Entity
     from xosc.document.node import Node
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess, RunByRun
+from runner.engine.compile.array_protocols import ArrayProcess, RunByRun
 from runner.engine.compile.element import LATERAL, PrivateAction, need_places
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.dynamics import (
     EPSILON,
     SHAPES,
@@ -33,9 +33,9 @@ from xosc.document.node import TO_RIGHT, Node
 from xosc.rules.references import KEPT_LANE_OFFSET_UID, OTHER_ENTITY_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.motion.on_roads import Roads
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, FloatArray
@@ -120,7 +120,7 @@ class LaneChangeAction(PrivateAction):
         )
         return _begin(running, extent, actor, run)
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The change of lane; its lane is found run by run."""
         return _Crossing(self, actor, run)
 
@@ -262,7 +262,7 @@ class LaneOffsetAction(PrivateAction):
             self.reference,
         )
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The offset from the centre of the own lane; run by run where it is relative to an entity."""
         return _Shifting(self, actor, run) if self.reference is None else RunByRun(self, actor, run)
 
@@ -271,7 +271,7 @@ class LaneOffsetAction(PrivateAction):
         follow_road(actor, run, self.node)
         run.roads.settle(actor)
 
-    def durations(self, change: FloatArray, run: BatchRun) -> FloatArray:
+    def durations(self, change: FloatArray, run: ArrayRun) -> FloatArray:
         """Time (s) of changes (m) in many runs (n,)."""
         acceleration = run.value(self.acceleration) * np.ones_like(change)
         way = np.sqrt(
@@ -444,12 +444,12 @@ class _Transition(Running):
         return Rest(goal, f"{offset:.2f} m", left, _REST)
 
 
-class _Sideways(BatchProcess):
+class _Sideways(ArrayProcess):
     """`_Transition` of an actor in many runs."""
 
     compensated: ClassVar[bool]
 
-    def __init__(self, actor: EntityRows, run: BatchRun, shape: TransitionShape) -> None:
+    def __init__(self, actor: EntityRows, run: ArrayRun, shape: TransitionShape) -> None:
         super().__init__(run)
         self._actor, self._run, self._shape = actor, run, shape
         self._over_distance = self._kept = False
@@ -491,7 +491,7 @@ class _Sideways(BatchProcess):
                 (),
                 lambda entity, _: entity.controls.motion.advance(entity, 0.0, run.dt),
             )
-            run.roads.stay_batch(actor, at_once)
+            run.roads.stay_arrays(actor, at_once)
             return rows & ~at_once
         return rows.copy()
 
@@ -518,7 +518,7 @@ class _Sideways(BatchProcess):
 
     def stop(self, rows: BoolArray) -> None:
         """Have the entity keep to the lane that it is on."""
-        self._run.roads.stay_batch(self._actor, rows)
+        self._run.roads.stay_arrays(self._actor, rows)
 
 
 class _Crossing(_Sideways):
@@ -526,7 +526,7 @@ class _Crossing(_Sideways):
 
     compensated = True
 
-    def __init__(self, action: LaneChangeAction, actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, action: LaneChangeAction, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(actor, run, action.dynamics.shape)
         self._action = action
         self._over_distance = action.dynamics.dimension == "distance"
@@ -537,7 +537,7 @@ class _Crossing(_Sideways):
         self._aim(action, rows)
         offset = run.value(action.offset)
         change = (offset - actor.kept_offset) * actor.direction
-        extent = action.dynamics.extent_batch(change, run.value(action.dynamics.value))
+        extent = action.dynamics.extent_arrays(change, run.value(action.dynamics.value))
         return self._begin(rows, offset * actor.direction, extent)
 
 
@@ -546,7 +546,7 @@ class _Shifting(_Sideways):
 
     compensated = False
 
-    def __init__(self, action: LaneOffsetAction, actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, action: LaneOffsetAction, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(actor, run, action.shape)
         self._action, self._kept = action, action.continuous
 

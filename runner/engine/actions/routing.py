@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from runner.engine.compile import registry
 from runner.engine.compile.element import PrivateAction
-from runner.engine.compile.run import Rest, Running
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.motion.lane_gaps import blocker
 from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route
 from runner.engine.positions.lane import LAYERS
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
     from xodr.graph.network import RoadNetwork

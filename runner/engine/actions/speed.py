@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess, BatchSteps, RunByRun
+from runner.engine.compile.array_protocols import ArrayProcess, ArraySteps, RunByRun
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.dynamics import (
     EPSILON,
     FOLLOWING_MODES,
@@ -29,9 +29,9 @@ from schemas.expressions.columns import NotInArrays
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, FloatArray
 
@@ -121,7 +121,7 @@ class SpeedAction(PrivateAction):
             return _Profile(actor, None, pieces, self.goal)
         return _Transition(actor, target, duration, self.dynamics.shape, self.goal)
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The change of speed, unless jerk limits make a profile of it."""
         limits = actor.declared.performance
         jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
@@ -132,10 +132,10 @@ class SpeedAction(PrivateAction):
         return _Changes(self, actor, run)
 
 
-class _Changes(BatchProcess):
+class _Changes(ArrayProcess):
     """A SpeedAction of an actor in many runs: `_Transition` and `_Tracking`."""
 
-    def __init__(self, action: SpeedAction, actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, action: SpeedAction, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(run)
         self._action, self._actor, self._run = action, actor, run
         self._reference = (
@@ -163,7 +163,7 @@ class _Changes(BatchProcess):
         """Begin; a change that takes no time is complete at once, unless it never ends."""
         action, actor, run = self._action, self._actor, self._run
         target = self._goal
-        duration = action.dynamics.speed_duration_batch(
+        duration = action.dynamics.speed_duration_arrays(
             actor.speed, target, actor.declared.performance, run.value(action.dynamics.value)
         )
         run.leave(rows & np.isnan(duration))
@@ -424,7 +424,7 @@ class SpeedProfileAction(PrivateAction):
         asked = sum(times) if len(times) == len(self.entries) else math.inf
         return _Profile(actor, self.reference, pieces, self.entries[-1].speed, asked)
 
-    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps:
+    def steps_in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArraySteps:
         """The profiles of many runs, each planned by itself."""
         return _Profiles(actor, run, self.reference)
 
@@ -493,10 +493,10 @@ class _Profile(Running):
         return Rest(goal, reached, late, _LATE)
 
 
-class _Profiles(BatchSteps):
+class _Profiles(ArraySteps):
     """`_Profile` of an actor in many runs."""
 
-    def __init__(self, actor: EntityRows, run: BatchRun, reference: Entity | None) -> None:
+    def __init__(self, actor: EntityRows, run: ArrayRun, reference: Entity | None) -> None:
         self._actor, self._run, self._reference = actor, run, reference
         self._elapsed = np.zeros(run.n)
         self._pieces = np.zeros((run.n, 0, 4))

@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from runner.engine.actions.speed import RELATIVE
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction, need_places
+from runner.engine.compile.protocols import Rest, Running
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.placement import Placement
 from runner.engine.participants.entity import Entity
 from runner.engine.positions.lane import travel_s
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
 
 _STEP_TOLERANCE = 0.1
 """Way (m) to a target that counts as none, beside that of a step"""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from runner.engine.compile import registry
 from runner.engine.compile.element import GlobalAction
-from runner.engine.compile.run import Running
+from runner.engine.compile.protocols import Running
 from runner.engine.participants.boxes import Spot, gap
 from runner.engine.worlds.traffic import (
     Ellipse,
@@ -32,8 +32,8 @@ from runner.engine.worlds.traffic import (
 
 if TYPE_CHECKING:
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from runner.engine.participants.entity import Entity
     from xosc.document.node import Node
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess
+from runner.engine.compile.array_protocols import ArrayProcess
 from runner.engine.compile.element import GlobalAction
 from runner.engine.compile.registry import action
 from runner.engine.worlds.surroundings import Environment
@@ -25,9 +25,9 @@ from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun, NamedValue
+    from runner.engine.compile.array_protocols import ArrayRun, NamedValue
+    from runner.engine.compile.protocols import Run
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Run
     from schemas.common.array_types import BoolArray, IntArray
 
 
@@ -90,7 +90,7 @@ class SetAction(GlobalAction):
         """Set the value at once."""
         self.target.write(run, self.value)
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Set, in many runs."""
 
         def put(named: NamedValue, rows: IntArray) -> None:
@@ -141,7 +141,7 @@ class ModifyAction(GlobalAction):
                 f"{target.what} {target.name} would become {after:g}, which is no {target.type}"
             ) from None
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Modify, in many runs; one in which that gives no value is left."""
 
         def put(named: NamedValue, rows: IntArray) -> None:
@@ -157,7 +157,7 @@ class ModifyAction(GlobalAction):
         return _Writing(self.target, put, run)
 
 
-class _Writing(BatchProcess):
+class _Writing(ArrayProcess):
     """An action on a parameter or variable in many runs.
 
     Args:
@@ -165,7 +165,7 @@ class _Writing(BatchProcess):
     """
 
     def __init__(
-        self, target: _Target, put: Callable[[NamedValue, IntArray], None], run: BatchRun
+        self, target: _Target, put: Callable[[NamedValue, IntArray], None], run: ArrayRun
     ) -> None:
         super().__init__(run)
         self._named, self._write, self._run = run.named(target.what, target.name), put, run
@@ -197,9 +197,9 @@ class SetMonitorAction(GlobalAction):
         run.monitors[self.name] = self.value
         run.note("monitor", self.name, f"set to {str(self.value).lower()}")
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Do nothing: many runs have no event log."""
-        return BatchProcess(run)
+        return ArrayProcess(run)
 
 
 @action("CustomCommandAction")
@@ -219,9 +219,9 @@ class CustomCommandAction(GlobalAction):
         """Complete at once."""
         run.note("userDefined", self.type, self.content)
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Do nothing: many runs have no event log."""
-        return BatchProcess(run)
+        return ArrayProcess(run)
 
 
 @action("EnvironmentAction")
@@ -244,15 +244,15 @@ class EnvironmentAction(GlobalAction):
         run.set_environment(environment)
         run.note("environment", environment.name, f"friction {environment.friction:g}")
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Apply at once, in all runs: it is an initial action."""
         return _Weather(self.environment, run)
 
 
-class _Weather(BatchProcess):
+class _Weather(ArrayProcess):
     """An EnvironmentAction in many runs."""
 
-    def __init__(self, environment: Node, run: BatchRun) -> None:
+    def __init__(self, environment: Node, run: ArrayRun) -> None:
         super().__init__(run)
         self._environment, self._run = environment, run
 

@@ -50,7 +50,7 @@ from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 
 if TYPE_CHECKING:
     from runner.engine.compile.element import Position
-    from runner.engine.compile.run import Run, StoryboardElement
+    from runner.engine.compile.protocols import Run, StoryboardElement
     from schemas.common.errors import ToolchainError
     from xodr.graph.network import RoadNetwork
     from xosc.resolve import Resolved

@@ -24,8 +24,8 @@ from schemas.expressions.values import MARK
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from runner.engine.compile.batch import BatchProcess, BatchRun, BatchSteps
-    from runner.engine.compile.run import Instant, Run, Running, Surroundings
+    from runner.engine.compile.array_protocols import ArrayProcess, ArrayRun, ArraySteps
+    from runner.engine.compile.protocols import Instant, Run, Running, Surroundings
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
@@ -70,7 +70,7 @@ class Position(ABC):
         return self
 
     def stations(
-        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+        self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
         """s (m) of the place in many runs (n,), where it differs from that in one of them by s
         alone; NaN where not.
@@ -165,7 +165,7 @@ class VaryingPosition(Position):
         return found
 
     def stations(
-        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+        self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
         """As the position says whose attributes vary; nothing where those of inner elements do."""
         found = self._rebuilt.attributes(self.node)
@@ -241,7 +241,7 @@ class Condition(ABC):
     def evaluate(self, run: Instant) -> bool:
         """The logical expression at the simulation's current time."""
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """Return a function that evaluates the expression in many runs at once: masks (n,) at their
         current time.
 
@@ -277,7 +277,7 @@ class EntityCondition(ABC):
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the expression is true for this entity now; an undefined quantity makes it false."""
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """Same as `Condition.in_arrays`, for this entity."""
         raise _single(self)
 
@@ -347,7 +347,7 @@ class ByEntityCondition(Condition):
         )
         return len(found) == len(self.entities) if self.every else bool(found)
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """The expressions of all entities, combined."""
         expressions = [self.condition.in_arrays(run.entities[e.name], run) for e in self.entities]
         combine = np.logical_and if self.every else np.logical_or
@@ -439,26 +439,26 @@ class PrivateAction(ABC):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin for this actor now; None when the action is complete at once."""
 
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """Make of it what does the same for this actor in many runs at once.
 
         Raises:
             NotInArrays: it plays in single runs only, as by default.
         """
-        from runner.engine.compile.batch import RunByRun
+        from runner.engine.compile.array_protocols import RunByRun
 
         if self.run_by_run:
             return RunByRun(self, actor, run)
         raise _single(self)
 
-    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+    def steps_in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArraySteps | None:
         """Make its steps in many runs, in each of which it begins by itself; None where they are
         done run by run too."""
         return None
 
     def at_set(self, number: int) -> PrivateAction:
         """The action in one of the parameter sets for which the scenario was read."""
-        from runner.engine.compile.batch import picked
+        from runner.engine.compile.array_protocols import picked
 
         found: PrivateAction = picked(self, number)
         return found
@@ -493,7 +493,7 @@ class VaryingAction(PrivateAction):
         """As in the first set."""
         return self._first.activates_controller
 
-    def steps_in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchSteps | None:
+    def steps_in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArraySteps | None:
         """Return those of the first set."""
         return self._first.steps_in_arrays(actor, run)
 
@@ -534,7 +534,7 @@ class GlobalAction(ABC):
     def start(self, run: Run) -> Running | None:
         """Begin now; None when the action is complete at once."""
 
-    def in_arrays(self, run: BatchRun) -> BatchProcess:
+    def in_arrays(self, run: ArrayRun) -> ArrayProcess:
         """Same as `PrivateAction.in_arrays`."""
         raise _single(self)
 

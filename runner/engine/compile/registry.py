@@ -22,7 +22,7 @@ from xosc.document.repairs.attributes import is_standard, suggested
 
 if TYPE_CHECKING:
     from runner.engine.compile.element import Position
-    from runner.engine.compile.run import Run, StoryboardElement
+    from runner.engine.compile.protocols import Run, StoryboardElement
     from runner.engine.participants.entity import Entities, Entity
     from runner.engine.worlds.surroundings import TrafficSignals
     from schemas.common.remarks import Remarks

@@ -15,8 +15,8 @@ from runner.engine.participants.entity import Entity
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
 
 _TYPES = ("heading", "pitch", "roll")
 _SYSTEMS = ("entity", "lane", "road", "trajectory", "world")

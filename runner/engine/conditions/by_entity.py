@@ -20,9 +20,9 @@ from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.rules.values import NOT_NEGATIVE_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, FloatArray
@@ -45,7 +45,7 @@ class _Lasting(EntityCondition):
     def _lasted(self, since: float) -> bool:
         return since > 0.0 and since >= self.duration - TOLERANCE
 
-    def _lasted_batch(self, since: FloatArray, run: BatchRun) -> BoolArray:
+    def _lasted_arrays(self, since: FloatArray, run: ArrayRun) -> BoolArray:
         found: BoolArray = (since > 0.0) & (since >= run.value(self.duration) - TOLERANCE)
         return found
 
@@ -70,9 +70,9 @@ class EndOfRoadCondition(_Lasting):
         """Whether the road has ended long enough ago."""
         return self._lasted(entity.road_end)
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The runs in which the road has ended long enough ago."""
-        return lambda: self._lasted_batch(entity.road_end, run)
+        return lambda: self._lasted_arrays(entity.road_end, run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """Time at the end of the road."""
@@ -95,9 +95,9 @@ class StandStillCondition(_Lasting):
         """Whether it stands long enough."""
         return self._lasted(entity.standstill)
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The runs in which it stands long enough."""
-        return lambda: self._lasted_batch(entity.standstill, run)
+        return lambda: self._lasted_arrays(entity.standstill, run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """Time of standing still."""
@@ -187,7 +187,7 @@ class CollisionCondition(EntityCondition):
         """Whether a contact exists now."""
         return any(other.name in self.others for other in run.touching(entity))
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The runs in which a contact exists now."""
         others = [name for name in run.entities if name in self.others and name != entity.name]
 
@@ -228,15 +228,15 @@ class SpeedCondition(EntityCondition):
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison."""
 
         def speed() -> FloatArray:
             if self.direction is None:
                 return entity.speed
-            return _project_batch(entity, entity.vx, entity.vy, self.direction)
+            return _project_arrays(entity, entity.vx, entity.vy, self.direction)
 
-        return lambda: self.comparison.holds_batch(speed(), run)
+        return lambda: self.comparison.holds_arrays(speed(), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The speed compared."""
@@ -275,7 +275,7 @@ class RelativeSpeedCondition(EntityCondition):
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison."""
         other = run.entities[self.other.name]
 
@@ -283,9 +283,9 @@ class RelativeSpeedCondition(EntityCondition):
             if self.direction is None:
                 return entity.speed - other.speed
             vx, vy = entity.vx - other.vx, entity.vy - other.vy
-            return _project_batch(entity, vx, vy, self.direction)
+            return _project_arrays(entity, vx, vy, self.direction)
 
-        return lambda: self.comparison.holds_batch(speed(), run)
+        return lambda: self.comparison.holds_arrays(speed(), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The relative speed compared."""
@@ -325,7 +325,7 @@ class AccelerationCondition(EntityCondition):
         """Whether the comparison is true."""
         return self.comparison.holds(self._acceleration(entity))
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison."""
 
         def acceleration() -> FloatArray:
@@ -333,9 +333,9 @@ class AccelerationCondition(EntityCondition):
                 return entity.acceleration
             if self.direction is None:
                 return np.hypot(entity.ax, entity.ay)
-            return _project_batch(entity, entity.ax, entity.ay, self.direction)
+            return _project_arrays(entity, entity.ax, entity.ay, self.direction)
 
-        return lambda: self.comparison.holds_batch(acceleration(), run)
+        return lambda: self.comparison.holds_arrays(acceleration(), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The acceleration compared."""
@@ -375,7 +375,7 @@ class TraveledDistanceCondition(EntityCondition):
         """Whether it has gone so far."""
         return self._travelled(entity) >= self.distance - TOLERANCE
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The runs in which it has gone so far."""
 
         def evaluate() -> BoolArray:
@@ -402,7 +402,7 @@ def project(entity: Entity, x: float, y: float, direction: str) -> float:
     return x * c + y * s if direction == "longitudinal" else y * c - x * s
 
 
-def _project_batch(entity: EntityRows, x: FloatArray, y: FloatArray, direction: str) -> FloatArray:
+def _project_arrays(entity: EntityRows, x: FloatArray, y: FloatArray, direction: str) -> FloatArray:
     """`project` in many runs (n,)."""
     if direction == "vertical":
         return np.zeros_like(x)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.engine.compile.element import AWAKE, UNDISTURBED, Condition, Dormancy
+from runner.engine.compile.protocols import ElementState, StoryboardElement, Transition
 from runner.engine.compile.registry import condition
-from runner.engine.compile.run import ElementState, StoryboardElement, Transition
 from runner.engine.conditions.comparison import RULES, TOLERANCE, Comparison
 from runner.engine.worlds.surroundings import read_date
 from schemas.expressions.columns import NotInArrays, NumberColumn
@@ -23,9 +23,9 @@ from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun, ElementRows, NamedValue
+    from runner.engine.compile.array_protocols import ArrayRun, ElementRows, NamedValue
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from schemas.common.array_types import BoolArray
     from xosc.resolve.parameters import ParameterDeclaration
 
@@ -67,9 +67,9 @@ class SimulationTimeCondition(Condition):
         """Whether the comparison is true now."""
         return self.comparison.holds(run.time - self._since)
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison, whose value may vary between the runs."""
-        return lambda: self.comparison.holds_batch(np.full(run.n, run.time), run)
+        return lambda: self.comparison.holds_arrays(np.full(run.n, run.time), run)
 
     def describe(self, run: Instant) -> str:
         """The simulation time."""
@@ -100,7 +100,7 @@ class TimeOfDayCondition(Condition):
             (now - self.value).total_seconds()
         )
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison, the same in all runs."""
         return lambda: np.full(run.n, self.evaluate(run.single))
 
@@ -140,7 +140,7 @@ class _Expected:
         except ValueError:
             return False
 
-    def holds_batch(self, named: NamedValue, run: BatchRun) -> BoolArray:
+    def holds_arrays(self, named: NamedValue, run: ArrayRun) -> BoolArray:
         """`holds` for the values of many runs (n,)."""
         found: BoolArray
         if not isinstance(self.expected, NumberColumn):
@@ -151,7 +151,7 @@ class _Expected:
         numbers = [_as_number(value) for value in named.values]
         if None in numbers:
             raise NotInArrays("texts are compared with a number that varies")
-        return self._comparison.holds_batch(np.array(numbers, float)[named.index], run)
+        return self._comparison.holds_arrays(np.array(numbers, float)[named.index], run)
 
     def describe(self, what: str, value: Value | None) -> str:
         """Describe a comparison."""
@@ -173,10 +173,10 @@ def _as_number(value: Value) -> float | None:
 class _NamedValueCondition(Condition):
     """Compares the present value of something with a name."""
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison of each value that occurs."""
         named, expected = run.named(self.what, self.name), self.expected
-        return lambda: expected.holds_batch(named, run)
+        return lambda: expected.holds_arrays(named, run)
 
     what = ""
 
@@ -276,7 +276,7 @@ class UserDefinedValueCondition(_NamedValueCondition):
         """The value, None while none has been given."""
         return run.user_values.get(self.name)
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """False: nothing outside gives values to many runs."""
         return lambda: np.zeros(run.n, bool)
 
@@ -397,11 +397,11 @@ class StoryboardElementStateCondition(Condition):
             self.around and self.state in element.transitions
         )
 
-    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, run: ArrayRun) -> Callable[[], BoolArray]:
         """The element's states and transitions."""
         element: ElementRows
 
-        from runner.engine.compile.batch import STATES, TRANSITIONS
+        from runner.engine.compile.array_protocols import STATES, TRANSITIONS
 
         def find() -> None:
             nonlocal element

@@ -13,8 +13,8 @@ from xodr.graph.routes import lanes_between
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from xodr.model import RoadPoint
     from xodr.model.road import Road
 

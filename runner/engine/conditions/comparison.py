@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
     from schemas.common.array_types import BoolArray, FloatArray
 
 TOLERANCE = 1e-6
@@ -81,7 +81,7 @@ class Comparison:
         """Whether the comparison is true; an undefined quantity (None) makes it false."""
         return quantity is not None and self._holds(quantity, self._border)
 
-    def holds_batch(self, quantity: FloatArray, run: BatchRun) -> BoolArray:
+    def holds_arrays(self, quantity: FloatArray, run: ArrayRun) -> BoolArray:
         """`holds` in many runs (n,); NaN is an undefined quantity."""
         found: BoolArray = self._holds(quantity, run.value(self._border))  # type: ignore[arg-type, assignment]
         return found

@@ -26,10 +26,10 @@ from xosc.document.node import Node
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Instant
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Instant
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -99,15 +99,15 @@ class DistanceMeasure(NamedTuple):
         )
         return rate(run.roads, a, b, self.system, self.routing)
 
-    def between_batch(
-        self, run: BatchRun, a: EntityRows, b: EntityRows | PlaceRows, below: FloatArray | float
+    def between_arrays(
+        self, run: ArrayRun, a: EntityRows, b: EntityRows | PlaceRows, below: FloatArray | float
     ) -> FloatArray:
         """`between` in many runs (n,); NaN where it is undefined, or in the plane certainly not
         `below` a distance (m)."""
         found, known = (
-            spacing.euclidean_batch(a, b, self.freespace)
+            spacing.euclidean_arrays(a, b, self.freespace)
             if self.kind == "euclidean"
-            else spacing.directed_batch(
+            else spacing.directed_arrays(
                 a, b, self.kind == "longitudinal", self.system, self.freespace
             )
         )
@@ -124,7 +124,7 @@ class DistanceMeasure(NamedTuple):
             found[row] = math.nan if value is None else value
         return found
 
-    def closing_batch(self, run: BatchRun, a: EntityRows, b: EntityRows | PlaceRows) -> FloatArray:
+    def closing_arrays(self, run: ArrayRun, a: EntityRows, b: EntityRows | PlaceRows) -> FloatArray:
         """`closing` in many runs (n,); NaN where it is undefined."""
         found = np.full(run.n, np.nan)
         for row in np.flatnonzero(run.going):
@@ -182,7 +182,7 @@ class DistanceTarget:
         ):  # relative to something that has no such place at the moment: undefined, not wrong
             return None
 
-    def in_arrays(self, run: BatchRun) -> EntityRows | PlaceRows:
+    def in_arrays(self, run: ArrayRun) -> EntityRows | PlaceRows:
         """The entity or place in many runs.
 
         Raises:
@@ -246,17 +246,17 @@ class _Measured(EntityCondition):
         """Whether the comparison is true."""
         return self.comparison.holds(self._value(entity, run))
 
-    def between_batch(
-        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    def between_arrays(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: ArrayRun
     ) -> FloatArray:
         """`between` in many runs (n,); NaN where it is undefined, or is certainly too great for the
         comparison."""
         raise NotInArrays(f"{type(self).__name__} is evaluated in single runs only")
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The comparison."""
         target = self.target.in_arrays(run)
-        return lambda: self.comparison.holds_batch(self.between_batch(entity, target, run), run)
+        return lambda: self.comparison.holds_arrays(self.between_arrays(entity, target, run), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The value compared."""
@@ -323,12 +323,12 @@ class _DistanceCondition(_Measured, NearCondition):
         distance = self.measure.between(run, entity, target)
         return abs(distance) if distance is not None else None
 
-    def between_batch(
-        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    def between_arrays(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: ArrayRun
     ) -> FloatArray:
         """The distance without its sign."""
         below = run.value(self.comparison.greatest)
-        return np.abs(self.measure.between_batch(run, entity, target, below))
+        return np.abs(self.measure.between_arrays(run, entity, target, below))
 
 
 @condition("DistanceCondition")
@@ -387,7 +387,7 @@ class ReachPositionCondition(NearCondition):
         distance = self._distance(entity, run)
         return distance is not None and distance < self.tolerance + TOLERANCE
 
-    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+    def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """The runs in which the entity is inside the circle."""
         place = self.target.in_arrays(run)
 
@@ -430,12 +430,12 @@ class TimeHeadwayCondition(_Measured):
             return None
         return abs(distance) / entity.speed
 
-    def between_batch(
-        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    def between_arrays(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: ArrayRun
     ) -> FloatArray:
         """The time headway."""
-        distance = self.measure.between_batch(run, entity, target, math.inf)
-        ahead = spacing.directed_batch(entity, target, True, "entity", False)[0] > TOLERANCE
+        distance = self.measure.between_arrays(run, entity, target, math.inf)
+        ahead = spacing.directed_arrays(entity, target, True, "entity", False)[0] > TOLERANCE
         if self.measure.kind == "longitudinal":
             ahead = np.where(distance != 0.0, distance > 0.0, ahead)
         valid = ahead & (entity.speed >= _STILL)
@@ -473,10 +473,10 @@ class TimeToCollisionCondition(_Measured):
         speed = self.measure.closing(run, entity, target)
         return abs(distance) / speed if speed is not None and speed > _STILL else None
 
-    def between_batch(
-        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    def between_arrays(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: ArrayRun
     ) -> FloatArray:
         """The time to collision."""
-        distance = self.measure.between_batch(run, entity, target, math.inf)
-        speed = self.measure.closing_batch(run, entity, target)
+        distance = self.measure.between_arrays(run, entity, target, math.inf)
+        speed = self.measure.closing_arrays(run, entity, target)
         return np.divide(np.abs(distance), speed, out=np.full(run.n, np.nan), where=speed > _STILL)

@@ -137,7 +137,7 @@ class TransitionDynamics(NamedTuple):
             return self.shape.slope * abs(change) / self.value if self.value > 0.0 else math.inf
         return self.value
 
-    def extent_batch(self, change: FloatArray, value: Any) -> FloatArray:
+    def extent_arrays(self, change: FloatArray, value: Any) -> FloatArray:
         """`extent` in many runs (n,), in which the value is a number or an array (n,)."""
         value = value * np.ones_like(change)
         if self.shape.slope == 0.0:
@@ -147,12 +147,12 @@ class TransitionDynamics(NamedTuple):
             value = np.divide(way, value, out=np.full_like(change, np.inf), where=value > 0.0)
         return np.where(change == 0.0, 0.0, value)
 
-    def speed_duration_batch(
+    def speed_duration_arrays(
         self, start: FloatArray, target: FloatArray, performance: Performance, value: Any
     ) -> FloatArray:
         """`speed_duration` in many runs (n,); NaN for a change over a distance from forward to
         backward motion."""
-        duration = self.extent_batch(target - start, value)
+        duration = self.extent_arrays(target - start, value)
         if self.dimension == "distance":
             mean = np.where(start * target >= 0.0, np.abs(start + target) / 2.0, np.nan)
             duration = np.divide(duration, mean, out=duration.copy(), where=duration > 0.0)

@@ -144,7 +144,7 @@ class LaneMotion:
         entity.h = h + math.pi if direction < 0 else h
         return True
 
-    def advance_batch(
+    def advance_arrays(
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
         """`advance` in many runs (n,), where they are `going`; steps that leave a line or arc are
@@ -153,7 +153,7 @@ class LaneMotion:
         steered = ~np.isnan(rows.target_offset)
         is_steered = steered.any()
         if is_steered:
-            distance, turn = _sidestep_batch(rows, distance, steered)
+            distance, turn = _sidestep_arrays(rows, distance, steered)
             offset = np.where(steered, rows.target_offset, offset)
         against = rows.direction < 0
         is_against = against.any()
@@ -373,7 +373,7 @@ class LaneMotion:
         return -distance if distance is not None and entity.speed < 0.0 else distance
 
 
-def _sidestep_batch(
+def _sidestep_arrays(
     rows: EntityRows, distance: FloatArray, steered: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """`LaneMotion._sidestep` in many runs, where they are steered; nothing of the rows changes."""
@@ -507,21 +507,21 @@ class Roads:
             self.follow_lane(entity, point, placement.direction, placement.heading_offset)
             self.settle(entity)
 
-    def advance_batch(
+    def advance_arrays(
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
         """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead;
         return its speeds."""
         if self.lane_motion is not None and rows.on_lane.all():
-            return self.lane_motion.advance_batch(rows, speed, dt, going)
+            return self.lane_motion.advance_arrays(rows, speed, dt, going)
         # An array of objects compared with None itself would give one value, not a mask.
         led = going & np.not_equal(rows.motion, np.array(None, object)).astype(bool)
         free = going & ~rows.on_lane & ~led
         # Lanes come first: a path that ends in this step puts its entity on a lane, along which it
         # moves from the next step on.
         if self.lane_motion is not None:
-            speed = self.lane_motion.advance_batch(rows, speed, dt, going & rows.on_lane & ~led)
-        STRAIGHT_AHEAD.advance_batch(rows, speed, dt, free)
+            speed = self.lane_motion.advance_arrays(rows, speed, dt, going & rows.on_lane & ~led)
+        STRAIGHT_AHEAD.advance_arrays(rows, speed, dt, free)
         if led.any():
             speed, rows.h = speed.copy(), rows.h.copy()
         for row in np.flatnonzero(led):
@@ -530,7 +530,7 @@ class Roads:
             rows.store(row, entity)
         return speed
 
-    def stay_batch(self, rows: EntityRows, ended: BoolArray) -> None:
+    def stay_arrays(self, rows: EntityRows, ended: BoolArray) -> None:
         """`stay` in the runs (n,) in which lateral action has ended."""
         moved = np.where(np.isnan(rows.target_offset), rows.kept_offset, rows.target_offset)
         within = np.abs(moved) <= 0.5 * rows.width + _MOVED

@@ -15,8 +15,8 @@ from xosc.document.node import Node
 if TYPE_CHECKING:
     from random import Random
 
+    from runner.engine.compile.protocols import Surroundings
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
     from xodr.graph.lane_plan import Checkpoint, LaneCell, Leg
     from xodr.graph.network import RoadNetwork

@@ -342,20 +342,20 @@ class PointRows(Protocol):
     def z(self) -> FloatArray: ...
 
 
-def euclidean_batch(a: EntityRows, b: PointRows, freespace: bool) -> tuple[FloatArray, BoolArray]:
+def euclidean_arrays(a: EntityRows, b: PointRows, freespace: bool) -> tuple[FloatArray, BoolArray]:
     """`euclidean` in many runs (n,), and where it is known; gaps of boxes are worked out where they
     are near."""
     distance = np.sqrt((b.x - a.x) ** 2 + (b.y - a.y) ** 2 + (b.z - a.z) ** 2)
     return distance, np.full(len(distance), not freespace)
 
 
-def directed_batch(
+def directed_arrays(
     a: EntityRows, b: PointRows, ahead: bool, system: str, freespace: bool
 ) -> tuple[FloatArray, BoolArray]:
     """`longitudinal` (ahead) or `lateral` in many runs (n,), and where it is known: on one straight
     road, or in entity axes."""
     if system == "entity":
-        return _in_axes_batch(a, b, ahead, freespace)
+        return _in_axes_of_arrays(a, b, ahead, freespace)
     if not isinstance(b, EntityRows) or system == "trajectory":
         return np.full(len(a.x), np.nan), np.zeros(len(a.x), bool)
     known = a.gliding & b.gliding & a.straight & (a.road_key == b.road_key)
@@ -366,17 +366,17 @@ def directed_batch(
     if not freespace:
         return side * apart, known
     # At most one of the two terms is not 0; overlapping intervals have a gap of 0.
-    (low_a, high_a), (low_b, high_b) = (_extent_batch(entity, ahead) for entity in (a, b))
+    (low_a, high_a), (low_b, high_b) = (_extent_arrays(entity, ahead) for entity in (a, b))
     gap = np.maximum(apart + low_b - high_a, 0.0) + np.minimum(apart + high_b - low_a, 0.0)
     return side * gap, known
 
 
-def ahead_batch(
+def ahead_arrays(
     roads: Roads, a: EntityRows, b: EntityRows, system: str, rows: BoolArray
 ) -> FloatArray:
     """`longitudinal` between reference points in some runs; NaN where it is undefined, and in the
     others (n,)."""
-    found, known = directed_batch(a, b, True, system, False)
+    found, known = directed_arrays(a, b, True, system, False)
     found = np.where(known & rows, found, np.nan)
     for row in np.flatnonzero(rows & ~known):
         value = longitudinal(roads, a.load(row), b.load(row), system, False)
@@ -384,7 +384,7 @@ def ahead_batch(
     return found
 
 
-def _extent_batch(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray]:
+def _extent_arrays(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray]:
     """Extent of boxes along or across a straight road, m from the reference point (n,)."""
     turn, box = rows.h - rows.start_h, rows.box
     c, s = np.cos(turn), np.sin(turn)
@@ -397,7 +397,7 @@ def _extent_batch(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray
     return middle - half, middle + half
 
 
-def _in_axes_batch(
+def _in_axes_of_arrays(
     a: EntityRows, b: PointRows, ahead: bool, freespace: bool
 ) -> tuple[FloatArray, BoolArray]:
     """Distance along the axes of a (n,); with freespace it is worked out run by run."""

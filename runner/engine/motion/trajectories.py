@@ -27,8 +27,8 @@ from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
     from runner.engine.compile.element import Position
+    from runner.engine.compile.protocols import Surroundings
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
     from xosc.document.node import Node
 

@@ -117,7 +117,7 @@ def overlap(a: Boxed, b: Boxed) -> bool:
     return vertical_gap(a, b) == 0.0 and not _separated(outlook(a, b), a.box, b.box)
 
 
-def overlap_batch(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
+def overlap_arrays(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
     """`overlap` of two participants in some of many runs, given by their indices (k,)."""
     x, y, c, s = _outlooks(a, b, rows)
     al, aw = a.box.length / 2 + _TOUCHING, a.box.width / 2 + _TOUCHING
@@ -244,7 +244,7 @@ def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
     return None
 
 
-def first_touch_batch(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> FloatArray:
+def first_touch_arrays(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> FloatArray:
     """`first_touch` in some of many runs (k,): infinite for none; NaN where a participant turns
     much, which takes parts."""
     (x, y, z, h, dx, dy, rise, turn), (bx, by, bz, bh, bdx, bdy, brise, bturn) = (
@@ -260,7 +260,7 @@ def first_touch_batch(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> 
     gx = bx - bdx - px + cb * b.box.x - sb * b.box.y
     gy = by - bdy - py + sb * b.box.x + cb * b.box.y
     place = gx * ca + gy * sa - a.box.x, gy * ca - gx * sa - a.box.y
-    share = _entry_batch(
+    share = _entry_arrays(
         place, (cb * ca + sb * sa, sb * ca - cb * sa), a.box, b.box,
         (vx * ca + vy * sa, vy * ca - vx * sa),
     )  # fmt: skip
@@ -282,7 +282,7 @@ def _step(moved: MovedRows, dt: float, rows: IntArray) -> tuple[FloatArray, ...]
     return x, y, z, h, dx, dy, rise, turn - math.tau * np.round(turn / math.tau)
 
 
-def _entry_batch(
+def _entry_arrays(
     place: tuple[FloatArray, FloatArray],
     heading: tuple[FloatArray, FloatArray],
     a: BoundingBox,

@@ -144,7 +144,9 @@ class FreeMotion:
         entity.y += distance * math.sin(entity.h)
         return speed
 
-    def advance_batch(self, rows: PoseRows, speed: FloatArray, dt: float, going: BoolArray) -> None:
+    def advance_arrays(
+        self, rows: PoseRows, speed: FloatArray, dt: float, going: BoolArray
+    ) -> None:
         """`advance` in many runs (n,), where they are `going`."""
         distance = np.where(going, speed * dt, 0.0)
         rows.x = rows.x + distance * np.cos(rows.h)

@@ -40,7 +40,7 @@ class RunRows:
 
 
 class LastLoaded:
-    """Entity and run that were loaded last of those of a batch.
+    """Entity and run that were loaded last of those of all runs.
 
     Attributes:
         name: of the entity; empty for none.
@@ -64,7 +64,7 @@ class EntityRows(RunRows):
         entity: of the compiled scenario.
         n: number of runs.
         lane_motion: along lanes; None without roads.
-        loaded: shared by all entities of a batch.
+        loaded: shared by all entities.
     """
 
     x: FloatArray

@@ -23,9 +23,9 @@ from xosc.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.array_protocols import ArrayRun
+    from runner.engine.compile.protocols import Surroundings
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
     from schemas.common.array_types import FloatArray
     from xodr.graph.network import RoadNetwork
@@ -141,7 +141,7 @@ class LanePosition(FixedPosition):
         return found
 
     def stations(
-        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+        self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
         """The attribute s, where nothing else varies."""
         return varying["s"] if varying.keys() == {"s"} else None
@@ -299,7 +299,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
         )
 
     def stations(
-        self, run: BatchRun, first: int, varying: Mapping[str, FloatArray]
+        self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
         """From an entity's s by ds or dsLane, on the straight stretch of its lane."""
         name = "dsLane" if self.ds is None else "ds"

@@ -18,8 +18,8 @@ from xodr.model import RoadError, WorldPose
 from xosc.rules.positions import ROAD_LENGTH_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Surroundings
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
     from xodr.graph.routes import RoadPath
     from xodr.model import RoadPoint

@@ -23,8 +23,8 @@ from runner.engine.motion.placement import Placement, facing, in_world, tilted, 
 from xodr.model import WorldPose
 
 if TYPE_CHECKING:
+    from runner.engine.compile.protocols import Surroundings
     from runner.engine.compile.registry import Context
-    from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
     from xodr.graph.network import RoadNetwork
     from xodr.lookup.geo import GeoReference

@@ -19,7 +19,7 @@ from runner.engine.participants.boxes import first_touch, overlap
 from runner.engine.participants.entity import FEW, JUMP, Entity, Separation
 
 if TYPE_CHECKING:
-    from runner.engine.compile.run import Run
+    from runner.engine.compile.protocols import Run
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, IntArray
 
@@ -195,7 +195,7 @@ def jumped(entity: Entity, dt: float) -> bool:
     return math.hypot(entity.vx, entity.vy) * dt > fastest * dt + JUMP
 
 
-def jumped_batch(rows: EntityRows, dt: float, chosen: IntArray) -> BoolArray:
+def jumped_arrays(rows: EntityRows, dt: float, chosen: IntArray) -> BoolArray:
     """`jumped` in some of many runs (k,)."""
     speed = rows.speed[chosen]
     fastest = np.maximum(np.abs(speed), np.abs(speed - rows.acceleration[chosen] * dt))

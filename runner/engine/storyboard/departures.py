@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from runner.engine.compile.run import Run
+    from runner.engine.compile.protocols import Run
     from runner.engine.participants.entity import Entity
     from runner.recording import Track
     from xodr.model import LaneSection

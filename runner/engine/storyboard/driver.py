@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from runner.engine.compile.run import Run
+    from runner.engine.compile.protocols import Run
     from runner.engine.participants.entity import Entity
     from runner.engine.worlds.base import DriverRequest
 

@@ -28,7 +28,7 @@ from schemas.common.remarks import Remarks
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.compile.run import Rest, Running, Transition
+    from runner.engine.compile.protocols import Rest, Running, Transition
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entities, Entity
     from runner.engine.storyboard.driver import EgoDriver

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from runner.engine.compile.element import Action, GlobalAction, PrivateAction
-from runner.engine.compile.run import ElementState, Run, Running, Transition
+from runner.engine.compile.protocols import ElementState, Run, Running, Transition
 from xosc.rules.references import ENTITY_POSITION_UID
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.engine.compile.element import Action, PrivateAction
-from runner.engine.compile.run import ElementState, Transition
+from runner.engine.compile.protocols import ElementState, Transition
 from runner.engine.storyboard.story_elements import ActionElement, Element, StoryboardRun
 from runner.engine.storyboard.triggers import Trigger, Watch
 

@@ -16,7 +16,7 @@ from xosc.document.node import Node
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.run import Instant
+    from runner.engine.compile.protocols import Instant
     from runner.engine.participants.entity import Entity
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")

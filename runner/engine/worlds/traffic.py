@@ -26,7 +26,7 @@ from xosc.document.node import Node
 from xosc.writing.versions import with_recent
 
 if TYPE_CHECKING:
-    from runner.engine.compile.run import Run
+    from runner.engine.compile.protocols import Run
     from xodr.graph.network import RoadNetwork
     from xodr.graph.routes import RoadPath
     from xodr.model import RoadPoint

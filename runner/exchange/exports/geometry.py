@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.engine.compile.compiler import ScenarioContext, compile_scenario
+from runner.engine.compile.protocols import Transition
 from runner.engine.compile.road_network import load_roads
-from runner.engine.compile.run import Transition
 from runner.engine.motion.on_roads import Roads
 from runner.engine.motion.routes import AssignedRoute, Route
 from runner.engine.motion.trajectories import TimedPath, Trajectory

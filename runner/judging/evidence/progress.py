@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from runner.engine.actions.values import CustomCommandAction, ModifyAction, SetAction
 from runner.engine.compile.element import PrivateAction
-from runner.engine.compile.run import ElementState, Instant, Transition
+from runner.engine.compile.protocols import ElementState, Instant, Transition
 from runner.engine.conditions.by_value import (
     ParameterCondition,
     SimulationTimeCondition,

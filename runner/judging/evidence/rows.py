@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.engine.compile.run import Transition
+from runner.engine.compile.protocols import Transition
 from runner.engine.storyboard.departures import absence, egoless, standstill
 from runner.engine.storyboard.driver import EgoDriver
 from runner.judging.evidence.continuity import (

@@ -1,4 +1,4 @@
-"""Measures of many runs while they are played: those of `criticality` that batches in arrays need,
+"""Measures of many runs while they are played: those of `criticality` that runs in arrays need,
 of one ego and everyone else.
 
 Motions come in segments, some instants of all runs (c, k); everyone is there at all instants.
@@ -82,7 +82,7 @@ class Measuring(NamedTuple):
     window: float = 1.0
 
 
-class BatchMeasures:
+class ArrayMeasures:
     """Measures n runs, a segment after the other.
 
     Args:

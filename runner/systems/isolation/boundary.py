@@ -20,7 +20,7 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from runner.systems.arrays import Answers, BatchObservation, BatchParticipants, BatchSystem
+from runner.systems.arrays import Answers, ArrayObservation, ArrayParticipants, ArraySystem
 from runner.systems.base import (
     Control,
     Observation,
@@ -40,7 +40,7 @@ from runner.systems.isolation.messages import (
     ERROR,
     FAILURE,
     RESET,
-    BatchWriter,
+    ArrayWriter,
     ObservationWriter,
     declared_json,
     read_answer,
@@ -374,26 +374,26 @@ class IsolatedDriver(_Isolated, WorldDriven):
     """A class of the user by which the world's own driver drives the ego."""
 
 
-class IsolatedBatch(BatchSystem):
-    """A class of the user in another process, in the runs of a batch.
+class IsolatedArrays(ArraySystem):
+    """A class of the user in another process, in many runs at once.
 
     Args:
-        together: whether it has a `control_batch`; if not, each of its instances has the time limit
+        together: whether it has a `control_arrays`; if not, each of its instances has the time limit
             for its answer.
     """
 
     def __init__(self, name: str, process: _SystemProcess, limit: float, together: bool) -> None:
         self.together = together
         self._system, self._process, self._limit = name, process, limit
-        self._writer = BatchWriter()
+        self._writer = ArrayWriter()
         self._open = True
 
-    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
         """Begin the runs."""
-        self._writer = BatchWriter()
+        self._writer = ArrayWriter()
         self._ask(self._writer.begin(egos, timestep, seeds), len(seeds))
 
-    def control(self, observations: BatchObservation, dt: float) -> Answers:
+    def control(self, observations: ArrayObservation, dt: float) -> Answers:
         """The answers of the system."""
         message = self._writer.step(observations, dt)
         return read_answers(self._ask(message, len(observations.run)))
@@ -403,7 +403,7 @@ class IsolatedBatch(BatchSystem):
             return self._process.ask(message, self._limit * (1 if self.together else max(runs, 1)))
         except SystemFailure as error:
             raise SystemUnderTestError(
-                f"the system under test {self._system} failed in a batch: {error}"
+                f"the system under test {self._system} failed in arrays: {error}"
             ) from error
 
     def close(self) -> None:
@@ -418,8 +418,8 @@ class IsolatedBatch(BatchSystem):
             _give_back(self._system, self._process)
 
 
-def isolated_batch(name: str, text: str, limit: float) -> IsolatedBatch:
-    """A class of the user for the runs of a batch, in a process of its own.
+def isolated_arrays(name: str, text: str, limit: float) -> IsolatedArrays:
+    """A class of the user for many runs at once, in a process of its own.
 
     Args:
         name, text, limit: as of `isolated`.
@@ -438,7 +438,7 @@ def isolated_batch(name: str, text: str, limit: float) -> IsolatedBatch:
             raise UsageError(f"the system under test {name!r} can't be built: {error}") from error
         raise
     process.keep(answer["files"])
-    return IsolatedBatch(name, process, limit, answer["together"])
+    return IsolatedArrays(name, process, limit, answer["together"])
 
 
 def isolated(name: str, text: str, limit: float) -> IsolatedSystem | IsolatedDriver:

@@ -31,9 +31,9 @@ from runner.systems import (
     load_system,
     system_name,
 )
-from runner.systems.arrays import BatchSystem
+from runner.systems.array_systems import open_arrays
+from runner.systems.arrays import ArraySystem
 from runner.systems.base import WorldDriven, parameters_of, plain
-from runner.systems.batch_systems import open_batch
 from runner.systems.isolation.frames import FrameConnection, PeerGone
 from runner.systems.isolation.messages import (
     BEGIN_MANY,
@@ -47,7 +47,7 @@ from runner.systems.isolation.messages import (
     RESET,
     STEP,
     STEP_MANY,
-    BatchReader,
+    ArrayReader,
     ObservationReader,
     participant_of,
     write_answer,
@@ -113,8 +113,8 @@ class _Server:
         self._process = os.getpid()
         self._system: System | None = None
         self._reader = ObservationReader(_RoadsOnDemand)
-        self._batch: BatchSystem | None = None
-        self._batch_reader = BatchReader(_RoadsOnDemand)
+        self._arrays: ArraySystem | None = None
+        self._array_reader = ArrayReader(_RoadsOnDemand)
         self._actions: dict[bytes, Callable[[Any], Any]] = {
             DESCRIBE: self._describe,
             BUILD: self._build,
@@ -130,9 +130,9 @@ class _Server:
             if kind == STEP:
                 found = write_answer(plain(self._system.control(*self._reader.read(request))))  # type: ignore[union-attr]
             elif kind == STEP_MANY:
-                found = write_answers(self._batch.control(*self._batch_reader.step(request)))  # type: ignore[union-attr]
+                found = write_answers(self._arrays.control(*self._array_reader.step(request)))  # type: ignore[union-attr]
             elif kind == BEGIN_MANY:
-                self._batch.reset(*self._batch_reader.begin(request))  # type: ignore[union-attr]
+                self._arrays.reset(*self._array_reader.begin(request))  # type: ignore[union-attr]
                 found = DONE + b"}"
             else:
                 found = json.dumps(self._actions[kind](json.loads(request[1:] or b"{}"))).encode()
@@ -169,7 +169,7 @@ class _Server:
         )
 
     def _build(self, request: dict[str, Any]) -> dict[str, Any]:
-        self._system, self._batch = None, None
+        self._system, self._arrays = None, None
         # what the system of the last run holds, as memory of a device, is free before the next one
         # is built
         gc.collect()
@@ -185,11 +185,11 @@ class _Server:
         return origin._replace(imports=tuple(files)), files
 
     def _build_many(self, request: dict[str, Any]) -> dict[str, Any]:
-        self._system, self._batch = None, None
+        self._system, self._arrays = None, None
         gc.collect()
-        self._batch = open_batch(request["system"], in_process=True)
-        self._batch_reader = BatchReader(_RoadsOnDemand)
-        return {"together": self._batch.together, "files": files_of_user()}  # type: ignore[union-attr]
+        self._arrays = open_arrays(request["system"], in_process=True)
+        self._array_reader = ArrayReader(_RoadsOnDemand)
+        return {"together": self._arrays.together, "files": files_of_user()}  # type: ignore[union-attr]
 
     def _reset(self, request: dict[str, Any]) -> dict[str, Any]:
         self._reader = ObservationReader(_RoadsOnDemand)
@@ -198,9 +198,9 @@ class _Server:
         return parameters_of(self._system)
 
     def _close(self, request: dict[str, Any]) -> dict[str, Any]:
-        if self._batch is not None:
-            batch, self._batch = self._batch, None
-            batch.close()
+        if self._arrays is not None:
+            arrays, self._arrays = self._arrays, None
+            arrays.close()
             return {}
         end = getattr(self._system, "close", None)
         if end is not None:

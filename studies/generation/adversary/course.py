@@ -1,7 +1,7 @@
 """Courses of many episodes at once: an ego with its system under test beside an actor that the
 caller moves.
 
-The ego moves, and its system is asked, as in runs in arrays (`runner.engine.storyboard.batch_run`);
+The ego moves, and its system is asked, as in runs in arrays (`runner.engine.storyboard.array_run`);
 everything that is found here is run on SUMO before it is reported.
 """
 
@@ -20,13 +20,13 @@ from runner.engine.participants.outlines import box_distance
 from runner.engine.participants.rows import EntityRows, LastLoaded
 from runner.engine.positions.lane import lane_placement
 from runner.engine.positions.world import Orientation
-from runner.engine.storyboard.batch_run import move
+from runner.engine.storyboard.array_run import move
 from runner.engine.worlds.surroundings import Environment
 from runner.judging.execution import prepare, run
 from runner.judging.measures.relations import MotionRows
 from runner.judging.settings import RunSettings
-from runner.systems.batch_systems import open_batch
-from runner.systems.drivers import BatchSystemDriver, find_ego
+from runner.systems.array_systems import open_arrays
+from runner.systems.drivers import ArraySystemDriver, find_ego
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported
 from xodr.model.road import Road
@@ -139,11 +139,11 @@ class Course:
             each.vx, each.vy = own * np.cos(each.h), own * np.sin(each.h)
         self._ended = ExitStack()
         self._driver = None
-        if (system := open_batch(sut)) is not None:
+        if (system := open_arrays(sut)) is not None:
             self._ended.enter_context(closing(system))
-            self._driver = BatchSystemDriver(system, scenario, scene.ego, n, dt, 0)
-            batch: Any = self
-            self._driver.begin(batch)
+            self._driver = ArraySystemDriver(system, scenario, scene.ego, n, dt, 0)
+            runs: Any = self
+            self._driver.begin(runs)
         self.contact, self.clearance = np.full(n, -1), np.full(n, np.inf)
         self._look()
 
@@ -180,8 +180,8 @@ class Course:
         """One step, in which the actor moves to s and t of the road (n,), m, and the ego as its
         driver decides."""
         ego, actor, dt = self.ego, self.actor, self.dt
-        batch: Any = self
-        speed = ego.target_speed if self._driver is None else self._driver.decide(batch, ego)
+        runs: Any = self
+        speed = ego.target_speed if self._driver is None else self._driver.decide(runs, ego)
         move(self._roads, ego, speed, dt, self.going)
         x, y, h, vx, vy = actor.x, actor.y, actor.h, actor.vx, actor.vy
         self.steps += 1

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from runner.engine.compile.element import AWAKE, Dormancy, GlobalAction
-from runner.engine.compile.run import ElementState
+from runner.engine.compile.protocols import ElementState
 from runner.engine.storyboard.story_elements import ActionElement
 from runner.engine.storyboard.storyboard import (
     Act,

@@ -15,7 +15,7 @@ from lxml import etree
 import runner
 from runner.batch.arrays import play, structures
 from runner.batch.outputs.folder import load_run
-from runner.judging.evidence.batch import OPEN
+from runner.judging.evidence.array_judge import OPEN
 from runner.judging.evidence.rows import ROWS
 from schemas.common.errors import InvalidFile
 from schemas.expressions.columns import NotInArrays

@@ -19,8 +19,8 @@ from runner.engine.participants.outlines import (
     vertical_gap,
 )
 from runner.systems import Observation, load_system
+from runner.systems.array_systems import decides_together, open_arrays
 from runner.systems.arrays import Answers, stack, stack_participants
-from runner.systems.batch_systems import decides_together, open_batch
 from tests.runner.systems.situations import situation
 
 DT = 0.1
@@ -58,14 +58,14 @@ def later(seen: Observation, step: int, rng: Random) -> Observation:
 def test_many_runs_at_once_decide_as_each_alone(name: str, seed: int, n: int, data: Any) -> None:
     rng = Random(seed)
     now = [situation(rng.randrange(1 << 30), rng.randrange(5)) for _ in range(n)]
-    batch, alone = open_batch(name), [load_system(name) for _ in now]
-    assert batch is not None
-    batch.reset(stack(now).ego, DT, np.arange(n))
+    together, alone = open_arrays(name), [load_system(name) for _ in now]
+    assert together is not None
+    together.reset(stack(now).ego, DT, np.arange(n))
     for system, each in zip(alone, now, strict=True):
         system.reset(each.ego, DT, 0)  # type: ignore[union-attr]
     for step in range(8):
         asked = sorted(rng.sample(range(n), rng.choice([n, n, max(n - 2, 1)])))
-        found = batch.control(stack(now).take(asked), DT)
+        found = together.control(stack(now).take(asked), DT)
         expected = Answers.of([alone[run].control(now[run], DT) for run in asked])  # type: ignore[union-attr]
         assert found.accelerates.tolist() == expected.accelerates.tolist()
         assert found.acceleration == pytest.approx(expected.acceleration, rel=1e-9, abs=1e-9)
@@ -77,7 +77,7 @@ def test_many_runs_at_once_decide_as_each_alone(name: str, seed: int, n: int, da
 @pytest.mark.parametrize("name", LAWS)
 def test_situations_make_each_law_act_and_let_go(name: str) -> None:
     now = [situation(seed, seed % 5) for seed in range(400)]
-    system, rng = open_batch(name), Random(0)
+    system, rng = open_arrays(name), Random(0)
     assert system is not None
     system.reset(stack(now).ego, DT, np.arange(len(now)))
     seen = set()
@@ -90,7 +90,7 @@ def test_situations_make_each_law_act_and_let_go(name: str) -> None:
     assert min(seen) < -2.0
 
 
-def test_every_law_of_this_package_has_a_batch_of_its_own() -> None:
+def test_every_law_of_this_package_decides_in_arrays() -> None:
     for name in LAWS:
         assert decides_together(type(load_system(name))), name
 

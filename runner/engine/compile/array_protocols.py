@@ -2,7 +2,7 @@
 execution.
 
 Arrays (n,) have an entry for each run that is left; `RunRows` follow when others are taken out.
-`runner.engine.storyboard.batch_run` is the batch.
+`runner.engine.storyboard.array_run` plays them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from runner.engine.compile.run import ElementState, Transition
+from runner.engine.compile.protocols import ElementState, Transition
 from runner.engine.participants.rows import RunRows
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.expressions.columns import NotInArrays, NumberColumn
@@ -21,7 +21,7 @@ from schemas.expressions.columns import NotInArrays, NumberColumn
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from runner.engine.compile.run import Run, StoryboardElement
+    from runner.engine.compile.protocols import Run, StoryboardElement
     from runner.engine.motion.on_roads import Roads
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
@@ -47,7 +47,7 @@ class ElementRows(Protocol):
     seen_transitions: NDArray[np.int8]
 
 
-class BatchDriver(Protocol):
+class ArrayDriver(Protocol):
     """Driver of the ego in many runs."""
 
     def begin(self, run: Any) -> None:
@@ -67,7 +67,7 @@ class BatchDriver(Protocol):
         ...
 
 
-class BatchRun(Protocol):
+class ArrayRun(Protocol):
     """State and methods of many runs for conditions and actions.
 
     Attributes:
@@ -91,7 +91,7 @@ class BatchRun(Protocol):
     roads: Roads
     environment: Environment
     ego: EntityRows
-    driver: BatchDriver | None
+    driver: ArrayDriver | None
     single: Run
 
     @property
@@ -150,7 +150,7 @@ class BatchRun(Protocol):
         ...
 
 
-class BatchProcess(RunRows):
+class ArrayProcess(RunRows):
     """One action in execution for one actor, or for the simulation, in many runs.
 
     Actions make one for each actor (`PrivateAction.in_arrays`); by default it takes no time and
@@ -160,7 +160,7 @@ class BatchProcess(RunRows):
         active: runs in which it is in execution (n,).
     """
 
-    def __init__(self, run: BatchRun) -> None:
+    def __init__(self, run: ArrayRun) -> None:
         self.active = np.zeros(run.n, bool)
 
     def start(self, rows: BoolArray) -> BoolArray:
@@ -176,7 +176,7 @@ class BatchProcess(RunRows):
         """Give back what is held, in some runs."""
 
 
-class BatchSteps(RunRows):
+class ArraySteps(RunRows):
     """Steps in arrays of what begins run by run and holds nothing."""
 
     def begin(self, row: int, running: Any) -> None:
@@ -188,7 +188,7 @@ class BatchSteps(RunRows):
         raise NotImplementedError
 
 
-class RunByRun(BatchProcess):
+class RunByRun(ArrayProcess):
     """An action that is executed run by run as in a single run, while all else of the runs is done
     in arrays.
 
@@ -200,11 +200,11 @@ class RunByRun(BatchProcess):
         run: the runs.
     """
 
-    def __init__(self, action: Any, actor: EntityRows, run: BatchRun) -> None:
+    def __init__(self, action: Any, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(run)
         self._action, self._actor, self._run = action, actor, run
         self._claims = action.claims()
-        self._steps: BatchSteps | None = action.steps_in_arrays(actor, run)
+        self._steps: ArraySteps | None = action.steps_in_arrays(actor, run)
         self._running = np.full(run.n, None, object)
 
     def start(self, rows: BoolArray) -> BoolArray:

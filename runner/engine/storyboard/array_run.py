@@ -16,24 +16,24 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchDriver, BatchProcess, NamedValue
+from runner.engine.compile.array_protocols import ArrayDriver, ArrayProcess, NamedValue
 from runner.engine.motion.on_roads import Roads
 from runner.engine.participants.boxes import (
     first_touch,
-    first_touch_batch,
+    first_touch_arrays,
     may_have_touched,
-    overlap_batch,
+    overlap_arrays,
 )
 from runner.engine.participants.rows import EntityRows, LastLoaded, RunRows
-from runner.engine.storyboard.batch_elements import (
-    BatchAct,
-    BatchActionElement,
-    BatchElement,
-    BatchEvent,
-    BatchGroup,
-    BatchTrigger,
+from runner.engine.storyboard.array_elements import (
+    ArrayAct,
+    ArrayActionElement,
+    ArrayElement,
+    ArrayEvent,
+    ArrayGroup,
+    ArrayTrigger,
 )
-from runner.engine.storyboard.collision import jumped_batch
+from runner.engine.storyboard.collision import jumped_arrays
 from runner.engine.storyboard.storyboard import Act, Event, ManeuverGroup, ordered_init
 from runner.engine.worlds.surroundings import Environment
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -43,7 +43,7 @@ from schemas.expressions.columns import NotInArrays, NumberColumn
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.compile.run import StoryboardElement
+    from runner.engine.compile.protocols import StoryboardElement
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entities, Entity
     from runner.engine.storyboard.story_elements import Element
@@ -55,18 +55,18 @@ _SHARE = 0.85
 _Part = TypeVar("_Part", bound=RunRows)
 
 
-class BatchObserver(Protocol):
+class ArrayObserver(Protocol):
     """Observer of many runs."""
 
-    def step(self, run: BatchSimulation) -> None:
+    def step(self, run: ArraySimulation) -> None:
         """An instant of the runs that are `going`."""
         ...
 
-    def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
+    def correct(self, run: ArraySimulation, put: Mapping[str, BoolArray]) -> None:
         """At the last instant, entities were already where they are now, in some runs (n,)."""
         ...
 
-    def end(self, run: BatchSimulation, ended: BoolArray) -> None:
+    def end(self, run: ArraySimulation, ended: BoolArray) -> None:
         """Some of the runs (n,) are over."""
         ...
 
@@ -74,7 +74,7 @@ class BatchObserver(Protocol):
 class Single:
     """View of one of many runs, for actions and positions of the interpreter."""
 
-    def __init__(self, run: BatchSimulation, seed: int) -> None:
+    def __init__(self, run: ArraySimulation, seed: int) -> None:
         self._run = run
         self.roads, self.random, self.remarks = run.roads, random.Random(seed), Remarks()
         self.put: list[str] = []
@@ -130,7 +130,7 @@ class Single:
         """Do nothing: conditions of many runs never sleep."""
 
 
-class BatchSimulation(RunRows):
+class ArraySimulation(RunRows):
     """n runs of a compiled scenario.
 
     Args:
@@ -160,10 +160,10 @@ class BatchSimulation(RunRows):
         timestep: float,
         seed: int,
         ego: str,
-        driver: BatchDriver | None,
+        driver: ArrayDriver | None,
         steps: int,
         steps_after_contact: int | None,
-        observer: BatchObserver,
+        observer: ArrayObserver,
     ) -> None:
         # Numbers that vary are columns in the compiled scenario; the state of its entities is that
         # of one run at a time (`EntityRows.load` and `store`).
@@ -175,9 +175,9 @@ class BatchSimulation(RunRows):
         self.time, self.step_index, self.initialising = 0.0, 0, True
         self.single: Any = Single(self, seed)
         self.loaded = LastLoaded()
-        self.elements: dict[Element, BatchElement] = {}
-        self.changed: dict[BatchElement, None] = {}
-        self._published: list[BatchElement] = []
+        self.elements: dict[Element, ArrayElement] = {}
+        self.changed: dict[ArrayElement, None] = {}
+        self._published: list[ArrayElement] = []
         self._parts: list[RunRows] = []
         self._values: dict[int, tuple[NumberColumn, FloatArray]] = {}
         self._named: dict[tuple[str, str], NamedValue] = {}
@@ -185,10 +185,10 @@ class BatchSimulation(RunRows):
         """runs (n,) in which an action has put an entity somewhere since the last instant, by its
         name"""
         self._processes: list[
-            tuple[BatchProcess, BatchActionElement, EntityRows | None, tuple[str, ...]]
+            tuple[ArrayProcess, ArrayActionElement, EntityRows | None, tuple[str, ...]]
         ] = []
-        self._numbers: dict[BatchProcess, int] = {}
-        self._order: dict[BatchProcess, BatchActionElement] = {}
+        self._numbers: dict[ArrayProcess, int] = {}
+        self._order: dict[ArrayProcess, ArrayActionElement] = {}
         """processes in the order in which they act, with their elements"""
         self.going, self.finished = np.ones(n, bool), np.zeros(n, bool)
         self.fired = np.zeros(n, np.int64)
@@ -233,38 +233,38 @@ class BatchSimulation(RunRows):
     def _build(self) -> None:
         board = self.scenario.storyboard
         self._stories = [self._element(story, None) for story in board.stories]
-        acts = [act for act in self.elements.values() if isinstance(act, BatchAct)]
+        acts = [act for act in self.elements.values() if isinstance(act, ArrayAct)]
         self._acts = acts
         self.events = [
-            element for element in self.elements.values() if isinstance(element, BatchEvent)
+            element for element in self.elements.values() if isinstance(element, ArrayEvent)
         ]
         self._groups = [
-            element for element in self.elements.values() if isinstance(element, BatchGroup)
+            element for element in self.elements.values() if isinstance(element, ArrayGroup)
         ]
         self._init = [
-            BatchActionElement(element, None, self, [self.entities[actor.name]] if actor else [])
+            ArrayActionElement(element, None, self, [self.entities[actor.name]] if actor else [])
             for actor, element in ordered_init(board.init)
         ]
         self._stop = (
-            BatchTrigger(board.stop_trigger, self, "StopTrigger")
+            ArrayTrigger(board.stop_trigger, self, "StopTrigger")
             if board.stop_trigger is not None
             else None
         )
         for check in self._later:
             check()
 
-    def _element(self, element: Element, parent: BatchElement | None) -> BatchElement:
+    def _element(self, element: Element, parent: ArrayElement | None) -> ArrayElement:
         if isinstance(element, Event):
             assert parent is not None
-            return BatchEvent(element, parent, self)
+            return ArrayEvent(element, parent, self)
         if isinstance(element, ManeuverGroup):
             assert parent is not None
-            found: BatchElement = BatchGroup(element, parent, self)
+            found: ArrayElement = ArrayGroup(element, parent, self)
         elif isinstance(element, Act):
             assert parent is not None
-            found = BatchAct(element, parent, self)
+            found = ArrayAct(element, parent, self)
         else:
-            found = BatchElement(element, parent, self)
+            found = ArrayElement(element, parent, self)
         for child in element.children:
             self._element(child, found)
         return found
@@ -349,7 +349,7 @@ class BatchSimulation(RunRows):
         the coming step."""
         self._put[actor.name] = self._put.get(actor.name, np.zeros(self.n, bool)) | rows
 
-    def element(self, element: StoryboardElement) -> BatchElement:
+    def element(self, element: StoryboardElement) -> ArrayElement:
         """A storyboard element in the runs."""
         return self.elements[element]  # type: ignore[index]
 
@@ -357,8 +357,8 @@ class BatchSimulation(RunRows):
 
     def add_process(
         self,
-        process: BatchProcess,
-        element: BatchActionElement,
+        process: ArrayProcess,
+        element: ArrayActionElement,
         actor: EntityRows | None,
         domains: tuple[str, ...],
     ) -> None:
@@ -370,7 +370,7 @@ class BatchSimulation(RunRows):
             for domain in domains:
                 actor.owners.setdefault(domain, np.full(self.n, -1, np.int64))
 
-    def begin_process(self, process: BatchProcess, rows: BoolArray) -> None:
+    def begin_process(self, process: ArrayProcess, rows: BoolArray) -> None:
         """Have a process act in some runs: after all that have begun before, as in a single run."""
         # Removed and appended, so that the order of the dict is the order in which actions began.
         if not process.active.any():
@@ -388,13 +388,13 @@ class BatchSimulation(RunRows):
                 element.override(process, rows & (owners == number))
 
     def give(
-        self, process: BatchProcess, actor: EntityRows, domains: tuple[str, ...], rows: BoolArray
+        self, process: ArrayProcess, actor: EntityRows, domains: tuple[str, ...], rows: BoolArray
     ) -> None:
         """Make a process the owner of control domains."""
         for domain in domains:
             actor.owners[domain][rows] = self._numbers[process]
 
-    def release(self, process: BatchProcess, rows: BoolArray) -> None:
+    def release(self, process: ArrayProcess, rows: BoolArray) -> None:
         """End a process in some runs."""
         number = self._numbers[process]
         _, _, actor, domains = self._processes[number]
@@ -484,7 +484,7 @@ class BatchSimulation(RunRows):
             if not rows.size:
                 continue
             since = np.full(self.n, math.inf)
-            overlapping[rows] = overlap_batch(a, b, rows)
+            overlapping[rows] = overlap_arrays(a, b, rows)
             since[overlapping] = self.time
             apart = rows[~overlapping[rows]]
             if before is not None and apart.size:
@@ -506,11 +506,11 @@ class BatchSimulation(RunRows):
     def _touched_within(self, a: EntityRows, b: EntityRows, rows: IntArray) -> FloatArray:
         """Times (s) of contacts in some runs (k,) that began and ended within the last step;
         infinite for none."""
-        share = first_touch_batch(a, b, self.dt, rows)
+        share = first_touch_arrays(a, b, self.dt, rows)
         for place in np.flatnonzero(np.isnan(share)):
             found = first_touch(a.load(rows[place]), b.load(rows[place]), self.dt)
             share[place] = math.inf if found is None else found
-        jump = jumped_batch(a, self.dt, rows) | jumped_batch(b, self.dt, rows)
+        jump = jumped_arrays(a, self.dt, rows) | jumped_arrays(b, self.dt, rows)
         return np.where(jump, math.inf, self.time - (1.0 - share) * self.dt)
 
     def contact(self, one: str, other: str) -> BoolArray:
@@ -573,7 +573,7 @@ class BatchSimulation(RunRows):
 def move(roads: Roads, e: EntityRows, speed: FloatArray, dt: float, going: BoolArray) -> None:
     """Move an entity in the runs (n,) that are `going` at speeds (n,) for a step, dt (s)."""
     x, y, h, waiting = e.x, e.y, e.h, e.at_road_end.copy()
-    speed = roads.advance_batch(e, speed, dt, going)
+    speed = roads.advance_arrays(e, speed, dt, going)
     if e.at_road_end.any():
         ended = e.at_road_end & ~(waiting & (speed != 0.0))
         e.road_end = np.where(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from runner.engine.compile.batch import (
+from runner.engine.compile.array_protocols import (
     COMPLETE,
     END,
     RUNNING,
@@ -20,8 +20,8 @@ from runner.engine.compile.batch import (
     STANDBY,
     START,
     STOP,
-    BatchProcess,
-    BatchRun,
+    ArrayProcess,
+    ArrayRun,
 )
 from runner.engine.compile.element import GlobalAction
 from runner.engine.participants.rows import RunRows
@@ -38,24 +38,24 @@ if TYPE_CHECKING:
 _EPSILON = 1e-6
 
 
-class StoryboardBatch(BatchRun, Protocol):
+class StoryboardArrays(ArrayRun, Protocol):
     """State and methods of many runs for storyboard elements."""
 
-    elements: dict[Element, BatchElement]
-    changed: dict[BatchElement, None]
+    elements: dict[Element, ArrayElement]
+    changed: dict[ArrayElement, None]
     """elements with transitions in this step"""
 
     def add_process(
         self,
-        process: BatchProcess,
-        element: BatchActionElement,
+        process: ArrayProcess,
+        element: ArrayActionElement,
         actor: EntityRows | None,
         domains: tuple[str, ...],
     ) -> None:
         """Take an action in, for one of its actors."""
         ...
 
-    def begin_process(self, process: BatchProcess, rows: BoolArray) -> None:
+    def begin_process(self, process: ArrayProcess, rows: BoolArray) -> None:
         """Have a process act in some runs."""
         ...
 
@@ -64,26 +64,28 @@ class StoryboardBatch(BatchRun, Protocol):
         ...
 
     def give(
-        self, process: BatchProcess, actor: EntityRows, domains: tuple[str, ...], rows: BoolArray
+        self, process: ArrayProcess, actor: EntityRows, domains: tuple[str, ...], rows: BoolArray
     ) -> None:
         """Make a process the owner of control domains."""
         ...
 
-    def release(self, process: BatchProcess, rows: BoolArray) -> None:
+    def release(self, process: ArrayProcess, rows: BoolArray) -> None:
         """End a process in some runs."""
         ...
 
 
-class BatchElement(RunRows):
+class ArrayElement(RunRows):
     """A storyboard element in many runs; arrays (n,) with the names of `Element`.
 
     Attributes:
         started: runs in which it has started.
     """
 
-    def __init__(self, element: Element, parent: BatchElement | None, run: StoryboardBatch) -> None:
+    def __init__(
+        self, element: Element, parent: ArrayElement | None, run: StoryboardArrays
+    ) -> None:
         self.element, self.parent, self.run = element, parent, run
-        self.children: list[BatchElement] = []
+        self.children: list[ArrayElement] = []
         n = run.n
         self.state, self.seen_state = np.zeros(n, np.int8), np.zeros(n, np.int8)
         self.transitions, self.seen_transitions = np.zeros(n, np.int8), np.zeros(n, np.int8)
@@ -151,7 +153,7 @@ class BatchElement(RunRows):
             child.rearm(rows)
 
 
-class BatchActionElement(BatchElement):
+class ArrayActionElement(ArrayElement):
     """An Action of an event, or of the Init section.
 
     Args:
@@ -164,14 +166,14 @@ class BatchActionElement(BatchElement):
     def __init__(
         self,
         element: ActionElement,
-        parent: BatchElement | None,
-        run: StoryboardBatch,
+        parent: ArrayElement | None,
+        run: StoryboardArrays,
         actors: Sequence[EntityRows],
     ) -> None:
         super().__init__(element, parent, run)
         if element.whole:
             raise NotInArrays("actors that are a selection of several act in single runs only")
-        self._processes: list[tuple[BatchProcess, EntityRows | None, tuple[str, ...]]] = []
+        self._processes: list[tuple[ArrayProcess, EntityRows | None, tuple[str, ...]]] = []
         for action in element.actions:
             for actor in [None] if isinstance(action, GlobalAction) else actors:
                 process = _process(action, actor, run, element)
@@ -201,12 +203,12 @@ class BatchActionElement(BatchElement):
         if rows.any():
             self.end(rows)
 
-    def finished(self, process: BatchProcess, rows: BoolArray) -> None:
+    def finished(self, process: ArrayProcess, rows: BoolArray) -> None:
         """One of the processes has reached its goal."""
         self.run.release(process, rows)
         self._over(rows)
 
-    def override(self, process: BatchProcess, rows: BoolArray) -> None:
+    def override(self, process: ArrayProcess, rows: BoolArray) -> None:
         """A newer action takes a control domain from one of the processes."""
         self.run.release(process, rows)
         over = rows & (self.state == RUNNING)
@@ -227,8 +229,8 @@ class BatchActionElement(BatchElement):
 
 
 def _process(
-    action: Action, actor: EntityRows | None, run: StoryboardBatch, element: ActionElement
-) -> BatchProcess:
+    action: Action, actor: EntityRows | None, run: StoryboardArrays, element: ActionElement
+) -> ArrayProcess:
     try:
         return action.in_arrays(run) if isinstance(action, GlobalAction) else action.in_arrays(actor, run)  # type: ignore[arg-type]  # fmt: skip
     except NotInArrays as error:
@@ -240,14 +242,14 @@ def _process(
         raise
 
 
-class BatchTrigger:
+class ArrayTrigger:
     """A trigger in many runs.
 
     Raises:
         NotInArrays: a condition is evaluated in single runs only.
     """
 
-    def __init__(self, trigger: Trigger, run: StoryboardBatch, where: str) -> None:
+    def __init__(self, trigger: Trigger, run: StoryboardArrays, where: str) -> None:
         self.groups = [[_Timed(timed, run, where) for timed in group] for group in trigger.groups]
         self.fired = np.zeros(run.n, np.int64)
         """index of the first group that was true when it was evaluated last (n,)"""
@@ -276,7 +278,7 @@ class BatchTrigger:
 class _Timed(RunRows):
     """`TimedCondition` in many runs: values are kept for the steps of its longest delay."""
 
-    def __init__(self, timed: TimedCondition, run: StoryboardBatch, where: str) -> None:
+    def __init__(self, timed: TimedCondition, run: StoryboardArrays, where: str) -> None:
         self._run, self._edge = run, timed.edge
         self.condition = timed.condition
         if isinstance(timed, OneShotCondition):
@@ -343,10 +345,10 @@ class _Timed(RunRows):
         return found
 
 
-class BatchEvent(BatchElement):
+class ArrayEvent(ArrayElement):
     """An Event in many runs."""
 
-    def __init__(self, event: Event, parent: BatchElement, run: StoryboardBatch) -> None:
+    def __init__(self, event: Event, parent: ArrayElement, run: StoryboardArrays) -> None:
         super().__init__(event, parent, run)
         group = event.group
         if group.select_triggering:
@@ -354,9 +356,9 @@ class BatchEvent(BatchElement):
         self.event = event
         self._executions = np.zeros(run.n, np.int64)
         actors = [run.entities[actor.name] for actor in group.actors]
-        self._actions = [BatchActionElement(action, self, run, actors) for action in event.actions]
+        self._actions = [ArrayActionElement(action, self, run, actors) for action in event.actions]
         self.trigger = (
-            BatchTrigger(event.trigger, run, event.where) if event.trigger is not None else None
+            ArrayTrigger(event.trigger, run, event.where) if event.trigger is not None else None
         )
 
     @property
@@ -429,10 +431,10 @@ class BatchEvent(BatchElement):
         super().child_completed(rows)
 
 
-class BatchGroup(BatchElement):
+class ArrayGroup(ArrayElement):
     """A ManeuverGroup in many runs."""
 
-    def __init__(self, group: ManeuverGroup, parent: BatchElement, run: StoryboardBatch) -> None:
+    def __init__(self, group: ManeuverGroup, parent: ArrayElement, run: StoryboardArrays) -> None:
         super().__init__(group, parent, run)
         self._maximum = group.maximum
         self._executions = np.zeros(run.n, np.int64)
@@ -466,14 +468,14 @@ class BatchGroup(BatchElement):
             self.start(rows)
 
 
-class BatchAct(BatchElement):
+class ArrayAct(ArrayElement):
     """An Act in many runs."""
 
-    def __init__(self, act: Act, parent: BatchElement, run: StoryboardBatch) -> None:
+    def __init__(self, act: Act, parent: ArrayElement, run: StoryboardArrays) -> None:
         super().__init__(act, parent, run)
-        self.trigger = BatchTrigger(act.trigger, run, "") if act.trigger is not None else None
+        self.trigger = ArrayTrigger(act.trigger, run, "") if act.trigger is not None else None
         self.stop_trigger = (
-            BatchTrigger(act.stop_trigger, run, "") if act.stop_trigger is not None else None
+            ArrayTrigger(act.stop_trigger, run, "") if act.stop_trigger is not None else None
         )
 
     def arm(self, rows: BoolArray) -> None:

@@ -29,7 +29,7 @@ from runner.judging.evidence.progress import mishap_events, scene_events, withou
 from runner.judging.evidence.rows import causes_of
 from runner.judging.measures.criticality import criticality
 from runner.judging.measures.relations import MotionRows
-from runner.judging.measures.runs import BatchMeasures, Measuring, RunMeasures
+from runner.judging.measures.runs import ArrayMeasures, Measuring, RunMeasures
 from runner.judging.measures.segments import ENDLESS, FRAME, SEGMENT, Segment
 from runner.judging.result import FAILED, INCONCLUSIVE, PASSED
 from runner.systems.drivers import scripted_at_start
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from runner.engine.compile.compiler import Scenario
     from runner.engine.participants.rows import EntityRows
-    from runner.engine.storyboard.batch_run import BatchSimulation
+    from runner.engine.storyboard.array_run import ArraySimulation
     from runner.judging.measures.criticality import Criticality
 
 _TOLERANCE = 1.01
@@ -54,7 +54,7 @@ OPEN = "open"
 
 
 @dataclass(eq=False)
-class BatchOutcomes:
+class ArrayOutcomes:
     """Outcomes of many runs; arrays (n,).
 
     Attributes:
@@ -141,8 +141,8 @@ class _Seen(RunRows):
         self.faster, self.slower = np.zeros(n, np.int64), np.zeros(n, np.int64)
 
 
-class BatchJudge:
-    """Keeps what runs do, and judges them at their ends: an observer of `BatchSimulation`.
+class ArrayJudge:
+    """Keeps what runs do, and judges them at their ends: an observer of `ArraySimulation`.
 
     Args:
         scenario: the compiled scenario.
@@ -163,7 +163,7 @@ class BatchJudge:
         keeps: bool = False,
     ) -> None:
         self._measuring, self._keeps = measuring, keeps
-        self._measures: BatchMeasures | None = None
+        self._measures: ArrayMeasures | None = None
         self._part: Segment | None = None
         self._spare: list[tuple[FloatArray, IntArray]] = []
         """memory of segments that are measured"""
@@ -192,11 +192,11 @@ class BatchJudge:
             [*causes_of(scenario.remarks), *scenario.violations, *without_effect(scenario)]
         ) or any(displaced_boxes(scenario.entities.values()))
 
-    def _at(self, run: BatchSimulation) -> IntArray:
+    def _at(self, run: ArraySimulation) -> IntArray:
         found: IntArray = np.searchsorted(self._sets, run.sets)
         return found
 
-    def step(self, run: BatchSimulation) -> None:
+    def step(self, run: ArraySimulation) -> None:
         """Keep an instant, and look at what evidence is counted from."""
         everyone = _everyone(run)
         part = self._part
@@ -208,7 +208,7 @@ class BatchJudge:
             self._put(part, place, number, entity)
         self._look(run, everyone[1:])
 
-    def _segment(self, run: BatchSimulation, participants: int) -> Segment:
+    def _segment(self, run: ArraySimulation, participants: int) -> Segment:
         n = len(self._sets)
         if self._spare:
             values, roads = self._spare.pop()
@@ -233,7 +233,7 @@ class BatchJudge:
             values[place, some] = getattr(rows, name)[some]
         part.roads[number, place, some] = rows.road_key[some]
 
-    def _close(self, run: BatchSimulation) -> None:
+    def _close(self, run: ArraySimulation) -> None:
         """End the present segment: it is measured, or kept."""
         part = self._part
         if part is None:
@@ -248,7 +248,7 @@ class BatchJudge:
             return
         if self._measures is None:
             boxes = [entity.box for entity in _everyone(run)]
-            self._measures = BatchMeasures(
+            self._measures = ArrayMeasures(
                 len(self._sets), boxes, _road_names(run), run.roads.network, self._measuring, run.dt
             )
         going = np.zeros(len(self._sets), bool)
@@ -258,7 +258,7 @@ class BatchJudge:
             if not self._keeps:
                 self._spare.append(_memory(measured))
 
-    def _look(self, run: BatchSimulation, others: list[EntityRows]) -> None:
+    def _look(self, run: ArraySimulation, others: list[EntityRows]) -> None:
         """Look at what evidence is counted from."""
         ego, seen = run.ego, self._seen
         limits = ego.declared.performance
@@ -296,7 +296,7 @@ class BatchJudge:
             seen.doubt |= off
         seen.doubt |= run.going & ego.at_road_end
 
-    def _look_for_jumps(self, run: BatchSimulation, everyone: list[EntityRows]) -> None:
+    def _look_for_jumps(self, run: ArraySimulation, everyone: list[EntityRows]) -> None:
         """Leave runs to the interpreter in which someone was put elsewhere within the step."""
         part = self._part
         assert part is not None
@@ -314,7 +314,7 @@ class BatchJudge:
                 way = np.hypot(along, aside) - np.abs(entity.speed) * run.dt
                 self._seen.doubt |= far & (way > JUMP) & run.going
 
-    def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
+    def correct(self, run: ArraySimulation, put: Mapping[str, BoolArray]) -> None:
         """Show entities where actions have put them at the last instant."""
         part = self._part
         assert part is not None
@@ -325,7 +325,7 @@ class BatchJudge:
                 self._seen.doubt |= put[entity.name] & (way > JUMP) & (run.step_index > 0)
                 self._put(part, part.count - 1, number, entity, put[entity.name])
 
-    def end(self, run: BatchSimulation, ended: BoolArray) -> None:
+    def end(self, run: ArraySimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""
         rows, seen = np.flatnonzero(ended), self._seen
         assert self._part is not None
@@ -375,7 +375,7 @@ class BatchJudge:
         self._outcome[at] = np.where(failed, FAILED, outcome)
 
     def _are_out_of_time(
-        self, run: BatchSimulation, rows: IntArray, finished: BoolArray
+        self, run: ArraySimulation, rows: IntArray, finished: BoolArray
     ) -> BoolArray:
         """Whether a limit of time ended runs (k,), as `progress.out_of_time` says."""
         trigger = self._scenario.storyboard.stop_trigger
@@ -389,13 +389,13 @@ class BatchJudge:
         )
         return ~finished | by_time[run.fired[rows]]
 
-    def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
+    def outcomes(self, run: ArraySimulation) -> ArrayOutcomes:
         """Outcomes of the runs, once all are over."""
         everyone = _everyone(run)
         self._close(run)
         self._part = None
         measured = self._measures
-        return BatchOutcomes(
+        return ArrayOutcomes(
             self._outcome,
             self._status,
             np.round(np.maximum(self._steps - 1, 0) * run.dt, 9),
@@ -412,7 +412,7 @@ class BatchJudge:
         )
 
 
-def _aloft(run: BatchSimulation, entity: EntityRows) -> BoolArray:
+def _aloft(run: ArraySimulation, entity: EntityRows) -> BoolArray:
     """Runs (n,) in which a participant is far above or below the road."""
     found, network = np.zeros(run.n, bool), run.roads.network
     if network is None or entity.declared.kind == "miscellaneous":
@@ -431,12 +431,12 @@ def _memory(part: Segment) -> tuple[FloatArray, IntArray]:
     return values, roads
 
 
-def _everyone(run: BatchSimulation) -> list[EntityRows]:
+def _everyone(run: ArraySimulation) -> list[EntityRows]:
     """All participants, the ego first."""
     return [run.ego, *(entity for entity in run.entities.values() if entity is not run.ego)]
 
 
-def _contact_to_come(run: BatchSimulation, row: Any) -> PredictedContact:
+def _contact_to_come(run: ArraySimulation, row: Any) -> PredictedContact:
     """First contact of the ego after the end of a run, as `continuity.contact_at_end` says."""
     own = _spot(run.ego, row)
     found = [
@@ -447,7 +447,7 @@ def _contact_to_come(run: BatchSimulation, row: Any) -> PredictedContact:
     return min(found, default=NEVER)
 
 
-def _road_names(run: BatchSimulation) -> dict[int, str]:
+def _road_names(run: ArraySimulation) -> dict[int, str]:
     network = run.roads.network
     roads = network.roads.values() if network is not None else ()
     layers = [layer for road in roads for layer in (road, road.on(PERMANENT))]
