@@ -248,7 +248,7 @@ class Clock:
         setattr(owner, function, timed)
 
 
-class _Timed:
+class _TimedCall:
     """A running action that is timed."""
 
     def __init__(self, running: Any, clock: Clock) -> None:
@@ -273,7 +273,7 @@ def profile(path: Path, steps: int, timestep: float) -> Iterator[tuple[str, floa
     ):
         clock.around(owner, function, name)
     for process in sim.processes:
-        process.running = _Timed(process.running, clock)
+        process.running = _TimedCall(process.running, clock)
     try:
         start = process_time()
         for _ in range(steps):

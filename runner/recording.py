@@ -158,7 +158,7 @@ garbage collector busy."""
 _pack = _ROW.pack
 
 
-class _Rows:
+class _EntityRecord:
     """Recorded rows of one entity; a road id of None is not looked up yet."""
 
     __slots__ = ("numbers", "roads")
@@ -178,7 +178,7 @@ class _Rows:
         }
 
 
-def _track(declared: Declaration, rows: _Rows) -> Track:
+def _track(declared: Declaration, rows: _EntityRecord) -> Track:
     named = (declared.name, declared.kind, declared.category, declared.box)
     return Track(*named, rows.columns, declared.mass, declared.role, declared.front_axle)
 
@@ -194,7 +194,7 @@ class Recorder:
 
     def __init__(self, entities: Entities, timestep: float, network: RoadNetwork | None) -> None:
         self._entities, self._timestep, self._network = entities, timestep, network
-        self._rows: dict[Entity, _Rows] = {}
+        self._rows: dict[Entity, _EntityRecord] = {}
 
     def correct(self, time: float, entities: Iterable[Entity]) -> None:
         """Write down the state of some anew, in the place of their rows of the same time (s)."""
@@ -213,7 +213,7 @@ class Recorder:
                 continue
             written = rows.get(e)
             if written is None:
-                written = rows[e] = _Rows()
+                written = rows[e] = _EntityRecord()
             road = e.road if e.on_lane else None
             if road is not None:
                 lane, offset = e.kept_lane, e.kept_offset

@@ -146,17 +146,17 @@ class NoEntry(LookupError):
         self.undecided = undecided
 
 
-class _Catalog(NamedTuple):
+class _CatalogEntries(NamedTuple):
     name: str
     path: str
     entries: tuple[CatalogEntry, ...]
 
 
-class _Found(NamedTuple):
+class _CatalogsOfKinds(NamedTuple):
     """The catalogues for some kinds of entries, what kept others from being read, and whether a
     directory is missing."""
 
-    catalogs: list[_Catalog]
+    catalogs: list[_CatalogEntries]
     problems: list[str]
     incomplete: bool
 
@@ -186,7 +186,7 @@ class Catalogs:
         self._load = load
         self._remarks = remarks or Remarks()
         self._folders = folders
-        self._known: dict[tuple[str, ...], _Found] = {}
+        self._known: dict[tuple[str, ...], _CatalogsOfKinds] = {}
 
     def find(self, holder: str, catalog: str, name: str) -> CatalogEntry:
         """Entry of a CatalogReference.
@@ -231,7 +231,7 @@ class Catalogs:
             raise NoEntry(message, found.incomplete)
         return matching[0]
 
-    def _read(self, kinds: Iterable[str]) -> _Found:
+    def _read(self, kinds: Iterable[str]) -> _CatalogsOfKinds:
         names = [f"{kind}Catalog" for kind in kinds]
         directories = [
             directory for name in names if (directory := self._location(name)) is not None
@@ -257,8 +257,8 @@ class Catalogs:
                 )
         results = [_catalog(self._load, file, stamp(file)) for file in files]
         problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
-        catalogs = [result for result in results if isinstance(result, _Catalog)]
-        return _Found(catalogs, problems, incomplete)
+        catalogs = [result for result in results if isinstance(result, _CatalogEntries)]
+        return _CatalogsOfKinds(catalogs, problems, incomplete)
 
 
 def referred(file: Path, reference: str) -> Path:
@@ -362,7 +362,7 @@ def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
 
 
 @lru_cache(maxsize=256)
-def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
+def _catalog(load: Load, path: str, _: Stamp) -> _CatalogEntries | str | None:
     """The catalogue in a file, None where the file is something else, and the reason where it can't
     be read."""
     try:
@@ -385,4 +385,4 @@ def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
         )
         for child in catalog.iterchildren(*KINDS)
     )
-    return _Catalog(name, path, entries)
+    return _CatalogEntries(name, path, entries)

@@ -326,7 +326,7 @@ def baseline(
     ]
 
 
-class _Stretch(NamedTuple):
+class _RoadStretch(NamedTuple):
     """A part of a vehicle's track (s), and why it was chosen."""
 
     recording: str
@@ -338,10 +338,10 @@ class _Stretch(NamedTuple):
 
 def _stretches(
     name: str, library: Library, generator: np.random.Generator, singled_out: bool
-) -> list[_Stretch]:
+) -> list[_RoadStretch]:
     """Stretches of the tracks of vehicles that drive: one of each at random, or one around each
     moment singled out."""
-    recording, chosen = library.recording(name), list[_Stretch]()
+    recording, chosen = library.recording(name), list[_RoadStretch]()
     drivers = [track for track in recording.tracks.values() if track.category in EGOS]
     found = library.instants(name) if singled_out else {}
     for track in drivers:
@@ -356,13 +356,13 @@ def _stretches(
                 (float(generator.uniform(first, max(last - STRETCH, first))), STRETCH, REASONS[0])
             ]
         chosen += [
-            _Stretch(name, track.name, start, min(start + long, last), why)
+            _RoadStretch(name, track.name, start, min(start + long, last), why)
             for start, long, why in starts
         ]
     return [one for one in chosen if _drives(recording.tracks[one.vehicle], one)]
 
 
-def _drives(track: Track, stretch: _Stretch) -> bool:
+def _drives(track: Track, stretch: _RoadStretch) -> bool:
     time = track.columns["time"]
     rows = (time >= stretch.start) & (time <= stretch.end)
     extent = math.hypot(*(float(np.ptp(track.columns[axis][rows])) for axis in "xy"))

@@ -2,7 +2,7 @@
 
 A catalogue is made in four passes over all recordings, each in parallel, by functions of
 `recognition.catalogue.recordings`: `read` loads, places and labels a recording and keeps it on the
-shelf (a folder of the catalogue); the recogniser looks at each; `episodes` cuts the moments into
+store (a folder of the catalogue); the recogniser looks at each; `episodes` cuts the moments into
 scenes, and `write` writes their scenarios, in blocks; `played` plays each scenario once. What
 happens in a run is written down about the scenario that it is a run of.
 """
@@ -25,7 +25,7 @@ from recognition.catalogue.recordings import (
     Block,
     CatalogueSettings,
     LabelledRecording,
-    RecordingRef,
+    RecordingLocation,
     RecordingStore,
     TrialBlock,
     looked,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
-_SHELF = ".recordings"
+_STORE = ".recordings"
 """Folder for what was read, in that of the catalogue, until this is finished"""
 
 
@@ -181,17 +181,17 @@ def build(
     sources = recordings.opened(tuple(paths), settings.road, settings.columns)
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    places = [
-        RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road, settings.columns)
+    locations = [
+        RecordingLocation(tuple(paths), source.name, out / _STORE, settings.road, settings.columns)
         for source in sources
     ]
     # Reading begins in the workers while this process loads the recogniser (seconds for a model).
-    with results(partial(recordings.read, settings), places, workers) as found:
+    with results(partial(recordings.read, settings), locations, workers) as found:
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
     # Writing begins only now: which class an unknown moment has is known once all recordings were
     # seen.
-    work.write([source for source in sources if source.name in work.seen], bar)
+    work.write([source for source in sources if source.name in work.labelled], bar)
     return work.close(
         [
             file
@@ -229,7 +229,7 @@ class _Work:
     def __init__(
         self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers
     ) -> None:
-        self.seen: dict[str, LabelledRecording] = {}
+        self.labelled: dict[str, LabelledRecording] = {}
         self._out, self._settings, self._recogniser, self._workers = (
             out,
             settings,
@@ -237,7 +237,7 @@ class _Work:
             workers,
         )
         self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
-        self._shelf = RecordingStore(out / _SHELF)
+        self._store = RecordingStore(out / _STORE)
         self._failures: dict[str, ToolchainError] = {}
 
     def take(
@@ -248,19 +248,21 @@ class _Work:
     ) -> None:
         """Have the recogniser look at the recordings in their order, as they have been read."""
         with bar("recognising", len(sources)) as advance:
-            for source, seen in zip(sources, found, strict=True):
+            for source, labelled in zip(sources, found, strict=True):
                 # A recording that can't be read is named in the summary; the others go on.
-                if isinstance(seen, ToolchainError):
-                    self._failures[source.name] = seen
+                if isinstance(labelled, ToolchainError):
+                    self._failures[source.name] = labelled
                     advance(1.0)
                     continue
                 advance(_READ)
                 recording, rest = (
-                    recordings.recorded(seen.ground.place),
+                    recordings.recorded(labelled.placed.location),
                     _part(advance, 1.0 - _READ),
                 )
-                self._recogniser.look(source.name, recording, seen.ground.site, seen.events, rest)
-                self.seen[source.name] = seen
+                self._recogniser.look(
+                    source.name, recording, labelled.placed.site, labelled.events, rest
+                )
+                self.labelled[source.name] = labelled
 
     def write(self, sources: Sequence[Source], bar: Bar) -> None:
         """Write the scenarios of the recordings."""
@@ -272,9 +274,9 @@ class _Work:
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
             for block, one in zip(blocks, done, strict=True):
                 self._catalogue.take(one.written)
-                trials.append(TrialBlock(block.ground.place, one.written.trials))
+                trials.append(TrialBlock(block.placed.location, one.written.trials))
                 if one.error is not None:
-                    self._failures[block.ground.place.name] = one.error
+                    self._failures[block.placed.location.name] = one.error
                 advance(len(block.episodes))
         # OpenSCENARIO catalogues that recordings share are complete only after the last of them.
         self._catalogue.write_catalogs()
@@ -296,7 +298,7 @@ class _Work:
         rows = catalogue.rows
         failures = {name: str(error) for name, error in self._failures.items()}
         removed = catalogue.close(failures=failures, skipped=[file.name for file in skipped])
-        self._shelf.clear()
+        self._store.clear()
         return Summary(
             Counter(row["class"] for row in rows),
             Counter(row["passage"] for row in rows if row["passage"]),
@@ -307,23 +309,25 @@ class _Work:
             self._failures,
             skipped,
             {
-                name: _repairs(seen.report)
-                for name, seen in self.seen.items()
-                if seen.report.verdict == REPAIRED
+                name: _repairs(labelled.report)
+                for name, labelled in self.labelled.items()
+                if labelled.report.verdict == REPAIRED
             },
             catalogue.unplayable,
         )
 
     def _blocks(self, source: Source) -> Iterator[Block]:
         """Yield the blocks to be written of a recording, whose road and index entry are written first."""
-        seen = self.seen[source.name]
-        self._catalogue.register(source, seen.report, seen.exposure, seen.exclusions)
+        labelled = self.labelled[source.name]
+        self._catalogue.register(source, labelled.report, labelled.exposure, labelled.exclusions)
         # In this process: workers that write blocks of one recording must not write one road file
         # twice.
-        road = self._catalogue.road(seen.ground.road)
-        episodes = recordings.episodes(self._settings, seen, self._recogniser.moments(source.name))
+        road = self._catalogue.road(labelled.placed.road)
+        episodes = recordings.episodes(
+            self._settings, labelled, self._recogniser.moments(source.name)
+        )
         for start in range(0, len(episodes), _EPISODES):
-            yield Block(seen.ground, road, episodes[start : start + _EPISODES])
+            yield Block(labelled.placed, road, episodes[start : start + _EPISODES])
 
 
 def _repairs(report: Report) -> str:

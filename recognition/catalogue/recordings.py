@@ -213,13 +213,16 @@ class CatalogueSettings:
     config: CatalogueConfig = field(default_factory=CatalogueConfig)
 
 
-class RecordingRef(NamedTuple):
-    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a
-    given road and declaration of columns."""
+class RecordingLocation(NamedTuple):
+    """Paths of a recording's data set and its name there, by which each process opens it.
+
+    store: folder of the recordings that were read. road, columns: given road and declaration of
+    columns.
+    """
 
     paths: tuple[Path, ...]
     name: str
-    shelf: Path
+    store: Path
     road: Path | None = None
     columns: Path | None = None
 
@@ -233,7 +236,7 @@ class RecordingRef(NamedTuple):
 class PlacedRecording(NamedTuple):
     """A recording with its road, and its quality from 0 to 1."""
 
-    place: RecordingRef
+    location: RecordingLocation
     road: Path
     roles: Roles
     quality: float = 1.0
@@ -250,7 +253,7 @@ class LabelledRecording(NamedTuple):
     egos, exclusions: the vehicles that are egos of scenes of vehicles, and those that are not.
     """
 
-    ground: PlacedRecording
+    placed: PlacedRecording
     report: Report
     exposure: Mileage
     events: list[LabelledEvent]
@@ -261,7 +264,7 @@ class LabelledRecording(NamedTuple):
 class Block(NamedTuple):
     """Episodes of a recording to be written, and the name of its road in the catalogue."""
 
-    ground: PlacedRecording
+    placed: PlacedRecording
     road: str
     episodes: Sequence[Episode]
 
@@ -269,7 +272,7 @@ class Block(NamedTuple):
 class TrialBlock(NamedTuple):
     """Scenarios of a recording to be played."""
 
-    place: RecordingRef
+    location: RecordingLocation
     trials: Sequence[Trial]
 
 
@@ -352,13 +355,15 @@ def inspected(source: Source) -> Inspection:
     return Inspection(source.name, source.format, verdict, 0.0 if refused else quality, reasons)
 
 
-def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording | ToolchainError:
+def read(
+    settings: CatalogueSettings, location: RecordingLocation
+) -> LabelledRecording | ToolchainError:
     """Read, keep and label a recording, from the store if it is there; return the error if it is
     unreadable."""
-    source, shelf = place.source, RecordingStore(place.shelf)
+    source, store = location.source, RecordingStore(location.store)
     try:
         with limited():
-            kept = shelf.find(source)
+            kept = store.find(source)
             if kept is not None:
                 recording, report = kept
                 site = site_of(source, recording, cache_roads())
@@ -367,13 +372,13 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
                 recording, site, events = looked(source, settings.rules)
                 assert source.report is not None, "the recording has been read"
                 report = source.report
-                shelf.put(source, recording, report)
+                store.put(source, recording, report)
             needs = settings.needs if settings.scenes == VEHICLES else None
             egos, exclusions = (
                 detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
             )
-            ground, exposure = (
-                PlacedRecording(place, site.path, site.roles, report.quality),
+            placed, exposure = (
+                PlacedRecording(location, site.path, site.roles, report.quality),
                 exposure_of(recording, settings.rules),
             )
             if site.roles.doubts:
@@ -382,51 +387,51 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
         raise  # the other recordings can't be either
     except _REFUSALS as error:
         return _of(source, error)
-    return LabelledRecording(ground, report, exposure, events, egos, exclusions)
+    return LabelledRecording(placed, report, exposure, events, egos, exclusions)
 
 
 def episodes(
-    settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]
+    settings: CatalogueSettings, labelled: LabelledRecording, moments: Iterable[Moment]
 ) -> list[Episode]:
     """Return the scenarios to be made of a recording."""
-    name, found = seen.ground.place.name, detect.joined(moments, settings.gap)
+    name, found = labelled.placed.location.name, detect.joined(moments, settings.gap)
     return (
         of_findings(name, found, settings.around)
         if settings.scenes == EVENTS
-        else of_vehicles(name, seen.egos, found)
+        else of_vehicles(name, labelled.egos, found)
     )
 
 
 def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Done:
     """Write scenarios of a recording into the folder of a catalogue."""
-    chapter = CatalogWriter(out, settings.config, sorted_by)
+    writer = CatalogWriter(out, settings.config, sorted_by)
     try:
         with limited():
-            chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
+            writer.add(_material(block.placed, settings.config.scope), block.road, block.episodes)
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:
-        return Done(chapter.written, _of(block.ground.place.source, error))
-    return Done(chapter.written, None)
+        return Done(writer.written, _of(block.placed.location.source, error))
+    return Done(writer.written, None)
 
 
 def played(out: Path, block: TrialBlock) -> list[Played]:
     """Play scenarios in the folder of a catalogue, and compare them with their recording."""
-    return play(out, recorded(block.place), block.trials)
+    return play(out, recorded(block.location), block.trials)
 
 
 @lru_cache(maxsize=1)
-def recorded(place: RecordingRef) -> Recording:
-    """A recording from the shelf, which is kept for its next stages, also in processes that are
+def recorded(location: RecordingLocation) -> Recording:
+    """A recording from the store, which is kept for its next stages, also in processes that are
     forked from this one."""
-    return RecordingStore(place.shelf).get(place.source).recording
+    return RecordingStore(location.store).get(location.source).recording
 
 
 @lru_cache(maxsize=1)
-def _material(ground: PlacedRecording, scope: Scope) -> Material:
+def _material(placed: PlacedRecording, scope: Scope) -> Material:
     """Return the used part of a recording, cached for its other blocks."""
-    recording = recorded(ground.place)
-    material = Material(ground.place.source, recording, ground.site, scope, ground.quality)
+    recording = recorded(placed.location)
+    material = Material(placed.location.source, recording, placed.site, scope, placed.quality)
     if len(recording.tracks) >= _LONG:
         gc.unfreeze()
         gc.collect()

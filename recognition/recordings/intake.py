@@ -177,7 +177,7 @@ _BACKWARDS = math.radians(120.0)
 """Angle between heading and motion above which a vehicle goes backwards"""
 
 
-class _Rows(NamedTuple):
+class _RecordedRows(NamedTuple):
     """Rows of the tracks of a recording as they were recorded: number of the track, time (s), place
     (m), heading, speed."""
 
@@ -189,7 +189,7 @@ class _Rows(NamedTuple):
     speed: FloatArray
 
     @classmethod
-    def of(cls, tracks: Sequence[Track]) -> _Rows:
+    def of(cls, tracks: Sequence[Track]) -> _RecordedRows:
         """Of all rows, raw where they were smoothed."""
         listed = [track.columns for track in tracks]
         track = np.repeat(
@@ -219,7 +219,7 @@ def steps_compared(step: float, longest: int) -> int:
     return max(min(round(1.0 / step), longest), 1)
 
 
-def _seconds(rows: _Rows, step: float) -> _Second:
+def _seconds(rows: _RecordedRows, step: float) -> _Second:
     """The motion of each row for a second, of those that have rows for that long."""
     ahead = steps_compared(step, int(np.bincount(rows.track, minlength=1).max()) - 1)
     here = np.arange(max(len(rows.track) - ahead, 0))
@@ -239,7 +239,7 @@ def examine(recording: Recording, report: Report) -> Recording:
         The recording, without tracks that are impossible for their category.
     """
     tracks = [track for track in recording.tracks.values() if len(track.columns["time"])]
-    rows = _Rows.of(tracks)
+    rows = _RecordedRows.of(tracks)
     seconds = _seconds(rows, recording.timestep)
     known = any(
         check.name == "step" for check in report.checks
@@ -262,7 +262,7 @@ def examine(recording: Recording, report: Report) -> Recording:
     return recording if not wrong else Recording(kept, recording.timestep, recording.network)
 
 
-def _step(rows: _Rows, seconds: _Second, step: float) -> Check | None:
+def _step(rows: _RecordedRows, seconds: _Second, step: float) -> Check | None:
     """Compare the speeds of the places with those stated; one ratio for all is that of a wrong step
     or unit."""
     moving = seconds.way >= MOVED
@@ -324,7 +324,7 @@ def one_factor(ratio: FloatArray) -> float | None:
 
 
 def _plausible(
-    rows: _Rows, seconds: _Second, tracks: Sequence[Track]
+    rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]
 ) -> tuple[Check | None, list[int]]:
     """Check speeds and their changes by category; with the numbers of tracks that are too fast
     throughout."""
@@ -367,7 +367,7 @@ def _plausible(
     ), wrong
 
 
-def _hard(rows: _Rows, seconds: _Second, motor: BoolArray) -> float:
+def _hard(rows: _RecordedRows, seconds: _Second, motor: BoolArray) -> float:
     """Share of a vehicle's seconds, of those that another second follows, in which its speed
     changes too hard."""
     speed = np.full(len(rows.track), np.nan)
@@ -495,7 +495,7 @@ def _fits(track: Track) -> bool:
     return shortest <= track.box.length <= longest and narrowest <= track.box.width <= widest
 
 
-def _headings(rows: _Rows, seconds: _Second, tracks: Sequence[Track]) -> Check | None:
+def _headings(rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]) -> Check | None:
     """Vehicles that go backwards all the time have headings of another convention."""
     moving = (seconds.way >= _FACING) & np.array(
         [track.kind == "vehicle" for track in tracks], bool

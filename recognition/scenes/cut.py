@@ -167,7 +167,7 @@ class Excerpt:
         return self.parts[0]
 
 
-class _Rows(NamedTuple):
+class _FrameRows(NamedTuple):
     """The rows of all tracks (n,) in the order of their frames: number of the track, and place (m)."""
 
     frame: IntArray
@@ -176,7 +176,7 @@ class _Rows(NamedTuple):
     y: FloatArray
 
     @classmethod
-    def of(cls, tracks: Sequence[Track], frames: Sequence[IntArray]) -> _Rows:
+    def of(cls, tracks: Sequence[Track], frames: Sequence[IntArray]) -> _FrameRows:
         """Of tracks with the frames of each."""
         track = np.repeat(np.arange(len(tracks)), [len(frame) for frame in frames])
         x, y = (
@@ -196,7 +196,7 @@ class SceneCutter:
         self._vertices: dict[tuple[str, Tolerance], IntArray] = {}
         self._numbers: dict[str, IntArray] = {}
         self._tracks = list(recording.tracks.values())
-        self._rows = _Rows.of(self._tracks, [self._frames(track) for track in self._tracks])
+        self._rows = _FrameRows.of(self._tracks, [self._frames(track) for track in self._tracks])
 
     def cut(
         self, ego: str, start: float, end: float, involved: Collection[str] | None = None

@@ -70,7 +70,7 @@ def ramp_roles(
     if LaneRole.MAIN not in roles.values():
         return {}
     among = {number for number, role in roles.items() if role in (*fast, LaneRole.URBAN)}
-    places = _Places(network, graph, _near_fast(graph, roles, among))
+    places = _StripSamples(network, graph, _near_fast(graph, roles, among))
     return _Ramps(network, graph, roles, places).roles()
 
 
@@ -89,7 +89,7 @@ def _near_fast(graph: LaneGraph, roles: dict[int, LaneRole], among: set[int]) ->
     return sorted(left)
 
 
-class _Places:
+class _StripSamples:
     """Places on the centre lines of strips.
 
     Attributes:
@@ -218,7 +218,11 @@ class _Gore(NamedTuple):
 
 class _Ramps:
     def __init__(
-        self, network: RoadNetwork, graph: LaneGraph, roles: dict[int, LaneRole], places: _Places
+        self,
+        network: RoadNetwork,
+        graph: LaneGraph,
+        roles: dict[int, LaneRole],
+        places: _StripSamples,
     ) -> None:
         self._network, self._graph, self._roles, self._places = network, graph, roles, places
         self._links = (graph.following, graph.preceding)

@@ -246,7 +246,7 @@ def system_name(system: str | System | None) -> str:
     return named or f"{type(system).__module__}:{type(system).__qualname__}"
 
 
-class _Entry(NamedTuple):
+class _ClassReference(NamedTuple):
     """Reference to a class.
 
     Args:
@@ -271,7 +271,7 @@ class _Entry(NamedTuple):
         return reduce(getattr, self.attribute.split("."), module)
 
 
-def _entry(name: str) -> _Entry | None:
+def _entry(name: str) -> _ClassReference | None:
     """Class of a name without parameters, not imported; None for `none`.
 
     Raises:
@@ -283,14 +283,16 @@ def _entry(name: str) -> _Entry | None:
         current().admit_code(f"the system under test {name!r}")
     others = {} if current().untrusted else _installed()  # a name that is taken twice is refused
     if own := _own().get(name):
-        return _Entry(own.module, own.attr, is_installed=True)
+        return _ClassReference(own.module, own.attr, is_installed=True)
     if other := others.get(name):
-        return _Entry(other.module, other.attr, is_installed=True, package=package_of(other))
+        return _ClassReference(
+            other.module, other.attr, is_installed=True, package=package_of(other)
+        )
     if match := re.fullmatch(r"(.+\.py):([\w.]+)", name, re.DOTALL):
         file, attribute = match.groups()
-        return _Entry(Path(file).stem, attribute, file)
+        return _ClassReference(Path(file).stem, attribute, file)
     if match := re.fullmatch(r"([\w.]+):([\w.]+)", name):
-        return _Entry(match[1], match[2])
+        return _ClassReference(match[1], match[2])
     names = sorted({*_own(), *_installed(), "none"})
     hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
     told = f"no system under test is called {name!r}; {guess(name, names)}there are "
@@ -331,7 +333,7 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     return partial(factory, **values) if values else factory
 
 
-def _told(name: str, entry: _Entry) -> str:
+def _told(name: str, entry: _ClassReference) -> str:
     """Name a system under test for messages, with the package that brings it."""
     origin = (
         f" ({entry.module}:{entry.attribute}, package {entry.package})" if entry.package else ""

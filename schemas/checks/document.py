@@ -281,11 +281,11 @@ class CheckedDocument:
         return None
 
 
-class _Catalog(NamedTuple):
+class _ParsedCatalog(NamedTuple):
     root: etree._Element
     version: tuple[int, int]
 
 
-def _load(path: str) -> _Catalog:
+def _load(path: str) -> _ParsedCatalog:
     tree = parse(path)
-    return _Catalog(tree.getroot(), detect(tree).version)
+    return _ParsedCatalog(tree.getroot(), detect(tree).version)

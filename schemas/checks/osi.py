@@ -250,7 +250,7 @@ def check_trace(path: Path) -> list[Problem]:
     Raises:
         MissingExtra: the packages for OSI are not installed.
     """
-    found = _Found(path)
+    found = _ProblemMessages(path)
     trace = Trace(path)
     try:
         if trace.is_mcap:
@@ -282,7 +282,7 @@ def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str
         ids.known |= {number: message.DESCRIPTOR.name for number, message in ids.here.items()}
 
 
-class _Found:
+class _ProblemMessages:
     """Problems, each with the messages that have it."""
 
     def __init__(self, path: Path) -> None:
@@ -386,7 +386,7 @@ _OF_CHANNELS = (
 _VERSION = re.compile(r"\d+\.\d+\.\d+")
 
 
-def _check_format(trace: Trace, found: _Found) -> None:
+def _check_format(trace: Trace, found: _ProblemMessages) -> None:
     contents = trace.contents
 
     def add(name: str, text: str) -> None:

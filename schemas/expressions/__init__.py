@@ -198,7 +198,7 @@ def parse(body: str) -> Expression:
     Raises:
         ExpressionError: it is malformed.
     """
-    parser = _Parser(_tokens(body))
+    parser = _ExpressionParser(_tokens(body))
     node = parser.expression()
     parser.expect_end()
     return Expression(node, frozenset(parser.parameters), frozenset(parser.functions))
@@ -221,7 +221,7 @@ def _tokens(body: str) -> list[tuple[str, str]]:
     return tokens
 
 
-class _Parser:
+class _ExpressionParser:
     """Recursive descent; chains of equal operators become one node, so that only brackets and
     functions nest."""
 

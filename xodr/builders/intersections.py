@@ -54,7 +54,7 @@ def four_way_intersection(
             north and south.
         speed_limit: in m/s. rule: RHT or LHT.
     """
-    site = _Crossing(
+    site = _IntersectionPlan(
         (EAST, NORTH, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals
     )
     return for_traffic(site.build("Four-way intersection"), rule)
@@ -69,14 +69,14 @@ def t_junction(
 
     Arguments as those of `four_way_intersection`.
     """
-    site = _Crossing(
+    site = _IntersectionPlan(
         (EAST, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals
     )
     return for_traffic(site.build("T junction"), rule)
 
 
 @dataclass(frozen=True)
-class _Crossing:
+class _IntersectionPlan:
     arms: tuple[int, ...]
     lanes: int
     lane_width: float

@@ -70,7 +70,7 @@ def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Ite
                 yield from _road_joints(roads, road, at_start, link)
     for side in _cross_path_sides(roads, junctions.values()):
         if not side.inside:
-            here, there = _End(side.road, side.at_start), _End(side.main, side.s < NEAR)
+            here, there = _RoadEnd(side.road, side.at_start), _RoadEnd(side.main, side.s < NEAR)
             yield from _pairs(here, there, side.lanes)
 
 
@@ -81,7 +81,7 @@ def _road_joints(
     other_at_start = (
         link.contact == "start" if link.contact else _nearer_start(other, road, at_start)
     )
-    here, there = _End(road, at_start), _End(other, other_at_start)
+    here, there = _RoadEnd(road, at_start), _RoadEnd(other, other_at_start)
     pairs = [
         (lane, target) for lane, links in here.links().items() for target in there.reached(links)
     ]
@@ -96,7 +96,7 @@ def _connection_joints(
     incoming, connecting = roads[connection.incoming_road], roads[connection.connecting_road]
     contact_start = connection.contact == "start"
     incoming_start = _incoming_start(incoming, connecting, contact_start, junction.id)
-    here, there = _End(incoming, incoming_start), _End(connecting, contact_start)
+    here, there = _RoadEnd(incoming, incoming_start), _RoadEnd(connecting, contact_start)
     pairs = [
         (a, b)
         for one, other in connection.lane_links
@@ -108,7 +108,7 @@ def _connection_joints(
     yield from _pairs(here, there, pairs)
 
 
-class _End(NamedTuple):
+class _RoadEnd(NamedTuple):
     """One end of a road."""
 
     road: Road
@@ -147,13 +147,13 @@ class _End(NamedTuple):
         )
 
 
-def _same_lanes(here: _End, there: _End) -> list[tuple[int, int]]:
+def _same_lanes(here: _RoadEnd, there: _RoadEnd) -> list[tuple[int, int]]:
     """Pair lanes at the same place, for a file that links roads but none of their lanes."""
     sign = -1 if here.at_start == there.at_start else 1
     return [(lane, sign * lane) for lane in here.links()]
 
 
-def _pairs(here: _End, there: _End, pairs: Iterable[tuple[int, int]]) -> Iterator[_Joint]:
+def _pairs(here: _RoadEnd, there: _RoadEnd, pairs: Iterable[tuple[int, int]]) -> Iterator[_Joint]:
     """Joints of the lane pairs that exist."""
     for lane, target in pairs:
         if lane and target and lane in here.section.lanes and target in there.section.lanes:

@@ -438,7 +438,7 @@ class TemporaryStretch(NamedTuple):
     right_end: float
 
 
-class _Piece(NamedTuple):
+class _SectionInForce(NamedTuple):
     """A section in force, and the section of the file that each of its lanes is from."""
 
     section: LaneSection
@@ -491,7 +491,7 @@ def _pieces(
     temporary: Sequence[TemporaryStretch],
     start: float,
     end: float,
-) -> Iterator[_Piece]:
+) -> Iterator[_SectionInForce]:
     """The sections in force between two neighbouring borders of the temporary layer."""
     holding = [
         stretch.section
@@ -549,21 +549,21 @@ def _joined(
     end: float,
     middle: LaneSection,
     sides: Sequence[tuple[LaneSection, Sequence[int]]],
-) -> _Piece:
+) -> _SectionInForce:
     """A section made of the centre lane of one section and lanes of others."""
     sources = {0: middle, **{lane_id: section for section, ids in sides for lane_id in ids}}
     lanes = {
         lane_id: cut(section.lanes[lane_id], start, end) for lane_id, section in sources.items()
     }
-    return _Piece(LaneSection(start, end, lanes), sources)
+    return _SectionInForce(LaneSection(start, end, lanes), sources)
 
 
 def _linked(
     lane: Lane,
     declared: Sequence[LaneRef],
     back: Mapping[int, Sequence[LaneRef]],
-    here: _Piece,
-    there: _Piece,
+    here: _SectionInForce,
+    there: _SectionInForce,
 ) -> int | None:
     """The lane of a neighbouring section that continues a lane: itself, where only the other side
     of the road changes.

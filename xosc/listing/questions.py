@@ -66,7 +66,7 @@ def condition(text: str, schema: pa.Schema) -> Question:
         UsageError: the text is no such condition, names an unknown column or compares different
             types; with the position.
     """
-    return _Parser(text, schema).parsed()
+    return _ConditionParser(text, schema).parsed()
 
 
 class _Token(NamedTuple):
@@ -86,7 +86,7 @@ class _Operand(NamedTuple):
     token: _Token
 
 
-class _Parser:
+class _ConditionParser:
     """Recursive descent over the tokens of a condition."""
 
     def __init__(self, text: str, schema: pa.Schema) -> None:

@@ -194,7 +194,7 @@ class CatalogFile(NamedTuple):
         return f"catalogs/{kind}/{'-'.join(filter(None, (self.folder, kind, self.part)))}"
 
 
-class _Entry(NamedTuple):
+class _BuiltEntry(NamedTuple):
     """An entry of a catalogue, as scenariogeneration has it."""
 
     place: CatalogFile
@@ -296,7 +296,7 @@ class CatalogWriter:
             self._trials,
         )
 
-    def _enter(self, entries: Iterable[_Entry]) -> None:
+    def _enter(self, entries: Iterable[_BuiltEntry]) -> None:
         for item in entries:
             self._entries.setdefault(item.place, {}).setdefault(item.name, item.built)
 
@@ -419,7 +419,7 @@ def write_catalog(
     store.write(name, content)
 
 
-def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
+def _directories(entries: Iterable[_BuiltEntry]) -> dict[str, str]:
     """The folders of catalogues by their kind, relative to the scenario."""
     return {
         place.kind: place.directory for place in dict.fromkeys(entry.place for entry in entries)
@@ -439,9 +439,9 @@ class _Context(NamedTuple):
         """Part of catalogue names that identifies this recording."""
         return plain(self.material.source.name)
 
-    def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
+    def entry(self, kind: str, name: str, built: Any, part: str = "") -> _BuiltEntry:
         """An entry of a catalogue of the scenario's class."""
-        return _Entry(CatalogFile(self.episode.folder, kind, part), name, built)
+        return _BuiltEntry(CatalogFile(self.episode.folder, kind, part), name, built)
 
     def name_of(self, track: Track | None) -> str:
         """Name in the scenario of a track that takes part in it."""

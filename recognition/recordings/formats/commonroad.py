@@ -381,7 +381,7 @@ def document(path: Path, member: str | None = None) -> etree._Element:
     return root
 
 
-class _Entry(tarfile.TarInfo):
+class _ArchiveMember(tarfile.TarInfo):
     """An entry of an archive. Python takes a damaged header for the end of the archive; here it is
     an error."""
 
@@ -403,7 +403,7 @@ def _archive(path: Path, _version: int) -> dict[str, tuple[tarfile.TarFile, tarf
     current().admit(path)
     # Compressed archives can only be read forwards: opening them for each member would unpack them
     # from the beginning each time.
-    archive = tarfile.open(path, tarinfo=_Entry)  # noqa: SIM115 - it stays open
+    archive = tarfile.open(path, tarinfo=_ArchiveMember)  # noqa: SIM115 - it stays open
     return {member.name: (archive, member) for member in archive.getmembers() if member.isfile()}
 
 

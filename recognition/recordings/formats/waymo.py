@@ -92,7 +92,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
     ]
 
 
-class _Object(NamedTuple):
+class _SceneObject(NamedTuple):
     """A participant, and its values in each valid step: step, x, y, heading, velocity along x and
     y."""
 
@@ -219,7 +219,7 @@ def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return value(document, "tl_states", dict, path, "scene") if document.get("tl_states") else {}
 
 
-def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Object | Exclusion:
+def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _SceneObject | Exclusion:
     """A participant; an exclusion if its box is larger than any vehicle, such as the box of a group
     of them."""
     kind = value(one, "type", str, path, element)
@@ -258,7 +258,7 @@ def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Obje
     if wrong and str(one["id"]) != ego:
         return Exclusion(f"object {one['id']}", len(steps), wrong)
     who = participant(str(one["id"]), category, *size.tolist())
-    return _Object(who, np.column_stack([steps, place, turns, velocity]))
+    return _SceneObject(who, np.column_stack([steps, place, turns, velocity]))
 
 
 def _vectors(

@@ -278,7 +278,7 @@ _ASIDE = 2.5
 """Weight of lateral distance: vehicles in the same lane matter from farther away."""
 
 
-class _Index:
+class _SceneIndex:
     """The rows of a scene by track and frame, and by frame alone."""
 
     def __init__(self, scene: Scene) -> None:
@@ -308,7 +308,7 @@ def window_rows(scene: Scene, moments: Moments, tokens: Tokens) -> IntArray:
     unknown = next((ego for ego, _ in moments if ego not in numbers), None)
     if unknown is not None:
         raise UsageError(f"the recording has no vehicle {unknown!r}")
-    index, begin = _Index(scene), scene.time.min(initial=np.inf) if len(scene.time) else 0.0
+    index, begin = _SceneIndex(scene), scene.time.min(initial=np.inf) if len(scene.time) else 0.0
     egos = np.array([numbers[ego] for ego, _ in moments], np.int64)
     middle = np.array([time for _, time in moments], float) - begin
     frame = np.rint((middle[:, None] + np.array(tokens.offsets)) / scene.step).astype(np.int64)
@@ -320,7 +320,9 @@ def window_rows(scene: Scene, moments: Moments, tokens: Tokens) -> IntArray:
     return np.concatenate([own[:, None], rows], axis=1)
 
 
-def _others(scene: Scene, index: _Index, own: IntArray, egos: IntArray, tokens: Tokens) -> IntArray:
+def _others(
+    scene: Scene, index: _SceneIndex, own: IntArray, egos: IntArray, tokens: Tokens
+) -> IntArray:
     """Tracks (n, others) of those that matter most in each window, ABSENT where there are fewer."""
     anchors = np.unique(np.linspace(0, tokens.frames - 1, _ANCHORS).round().astype(np.int64))
     window, track, distance = _near(scene, index, own[:, anchors], tokens.reach)
@@ -340,7 +342,7 @@ def _others(scene: Scene, index: _Index, own: IntArray, egos: IntArray, tokens: 
 
 
 def _near(
-    scene: Scene, index: _Index, own: IntArray, reach: float
+    scene: Scene, index: _SceneIndex, own: IntArray, reach: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Windows, tracks and distances of participants near to egos' rows (n, anchors); leads and
     followers at distance 0."""

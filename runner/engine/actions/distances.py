@@ -99,7 +99,7 @@ class LongitudinalDistanceAction(PrivateAction):
             actor.controls.driver is not None and not run.initialising
         ):
             limits = tighter(self.constraints or Performance(), actor.declared.performance)
-            return _Approach(gap, limits, self.continuous)
+            return _DistanceKeeping(gap, limits, self.continuous)
         gap.close()
         set_speed(
             actor,
@@ -210,7 +210,7 @@ class _Rigid(Running):
         return False
 
 
-class _Approach(Running):
+class _DistanceKeeping(Running):
     """The distance is reached, and kept, within limits."""
 
     __slots__ = ("_continuous", "_controller", "_gap")

@@ -109,7 +109,7 @@ class LaneChangeAction(PrivateAction):
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
         over_distance = self.dynamics.dimension == "distance"
-        running = _Transition(
+        running = _LateralTransition(
             actor,
             run.roads,
             goal,
@@ -122,7 +122,7 @@ class LaneChangeAction(PrivateAction):
 
     def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The change of lane; its lane is found run by run."""
-        return _Crossing(self, actor, run)
+        return _LaneChangeArrays(self, actor, run)
 
     def aim(self, actor: Entity, run: Run) -> None:
         """Express an entity's place in the target lane."""
@@ -251,12 +251,12 @@ class LaneOffsetAction(PrivateAction):
         run.roads.settle(actor)
         goal = self.goal(actor, run)
         extent = self._duration(goal - actor.kept_offset * actor.direction)
-        running = _Transition(
+        running = _LateralTransition(
             actor, run.roads, goal, self.shape, extent, over_distance=False, compensated=False
         )
         if not self.continuous:
             return _begin(running, extent, actor, run)
-        return _Kept(
+        return _GoalKeeping(
             running,
             lambda: goal if self.reference is None or from_itself else self.goal(actor, run),
             self.reference,
@@ -338,7 +338,7 @@ def _aside(actor: Entity, place: RoadPoint, run: Run) -> float:
     return place.offset if relative is None else actor.kept_offset + relative.dt
 
 
-def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Running | None:
+def _begin(running: _LateralTransition, extent: float, actor: Entity, run: Run) -> Running | None:
     """An initial action that takes no time sets the place at time 0."""
     if not run.initialising or extent > 0.0:
         return running
@@ -348,7 +348,7 @@ def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Runn
     return None
 
 
-class _Transition(Running):
+class _LateralTransition(Running):
     """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m).
 
     Where the lane bound for does not go on, as at a junction, the entity is on another lane from
@@ -445,7 +445,7 @@ class _Transition(Running):
 
 
 class _Sideways(ArrayProcess):
-    """`_Transition` of an actor in many runs."""
+    """`_LateralTransition` of an actor in many runs."""
 
     compensated: ClassVar[bool]
 
@@ -521,7 +521,7 @@ class _Sideways(ArrayProcess):
         self._run.roads.stay_arrays(self._actor, rows)
 
 
-class _Crossing(_Sideways):
+class _LaneChangeArrays(_Sideways):
     """A LaneChangeAction of an actor in many runs."""
 
     compensated = True
@@ -561,13 +561,13 @@ class _Shifting(_Sideways):
         )
 
 
-class _Kept(Running):
+class _GoalKeeping(Running):
     """A transition to a goal that may move, and that is then kept."""
 
     __slots__ = ("_goal", "_reference", "_transition")
 
     def __init__(
-        self, transition: _Transition, goal: Callable[[], float], reference: Entity | None
+        self, transition: _LateralTransition, goal: Callable[[], float], reference: Entity | None
     ) -> None:
         self._transition = transition
         self._goal = goal

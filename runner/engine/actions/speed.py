@@ -119,7 +119,7 @@ class SpeedAction(PrivateAction):
         if jerky and not self.dynamics.strict and duration < math.inf:
             pieces = plan(actor.speed, [ProfileEntry(duration, target)], limits, True)
             return _Profile(actor, None, pieces, self.goal)
-        return _Transition(actor, target, duration, self.dynamics.shape, self.goal)
+        return _SpeedTransition(actor, target, duration, self.dynamics.shape, self.goal)
 
     def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
         """The change of speed, unless jerk limits make a profile of it."""
@@ -133,7 +133,7 @@ class SpeedAction(PrivateAction):
 
 
 class _Changes(ArrayProcess):
-    """A SpeedAction of an actor in many runs: `_Transition` and `_Tracking`."""
+    """A SpeedAction of an actor in many runs: `_SpeedTransition` and `_Tracking`."""
 
     def __init__(self, action: SpeedAction, actor: EntityRows, run: ArrayRun) -> None:
         super().__init__(run)
@@ -260,7 +260,7 @@ def demanded_speed(actor: Entity) -> float:
     )
 
 
-class _Transition(Running):
+class _SpeedTransition(Running):
     """On the way to a target speed along a shape."""
 
     __slots__ = (

@@ -50,7 +50,7 @@ class Corner(NamedTuple):
     roll: float | None = None
 
 
-class _Stretch(NamedTuple):
+class _StraightPiece(NamedTuple):
     """A straight piece of a polyline: from s = start, direction (dx, dy, dz) and turning (dh, dp,
     dr) per metre."""
 
@@ -95,7 +95,9 @@ class Polyline:
                 only.x, only.y, only.z, only.h or 0.0, only.pitch or 0.0, only.roll or 0.0
             )
             self._stretches = [
-                _Stretch(0.0, 0.0, pose, math.cos(pose.h), math.sin(pose.h), 0.0, 0.0, 0.0, 0.0)
+                _StraightPiece(
+                    0.0, 0.0, pose, math.cos(pose.h), math.sin(pose.h), 0.0, 0.0, 0.0, 0.0
+                )
             ]
         self._starts = [stretch.start for stretch in self._stretches]
 
@@ -122,7 +124,7 @@ class Polyline:
         return [*self._starts, self.length]
 
 
-def _stretch(a: Corner, b: Corner, start: float) -> _Stretch:
+def _stretch(a: Corner, b: Corner, start: float) -> _StraightPiece:
     length = math.hypot(b.x - a.x, b.y - a.y)
     tangent = math.atan2(b.y - a.y, b.x - a.x)
     # Pitch is positive when the nose is down (ISO 8855), so uphill is negative.
@@ -136,7 +138,7 @@ def _stretch(a: Corner, b: Corner, start: float) -> _Stretch:
         for begin, end in ((h, h_end), (pitch, pitch_end), (roll, roll_end))
     )
     rates = ((b.x - a.x), (b.y - a.y), (b.z - a.z), *turns)
-    return _Stretch(
+    return _StraightPiece(
         start, length, WorldPose(a.x, a.y, a.z, h, pitch, roll), *(rate / length for rate in rates)
     )
 

@@ -250,7 +250,10 @@ class ArrayTrigger:
     """
 
     def __init__(self, trigger: Trigger, run: StoryboardArrays, where: str) -> None:
-        self.groups = [[_Timed(timed, run, where) for timed in group] for group in trigger.groups]
+        self.groups = [
+            [_TimedConditionArrays(timed, run, where) for timed in group]
+            for group in trigger.groups
+        ]
         self.fired = np.zeros(run.n, np.int64)
         """index of the first group that was true when it was evaluated last (n,)"""
 
@@ -275,7 +278,7 @@ class ArrayTrigger:
                 condition.rearm(rows)
 
 
-class _Timed(RunRows):
+class _TimedConditionArrays(RunRows):
     """`TimedCondition` in many runs: values are kept for the steps of its longest delay."""
 
     def __init__(self, timed: TimedCondition, run: StoryboardArrays, where: str) -> None:

@@ -38,14 +38,14 @@ class _Call(NamedTuple):
 _STEP = _Call("step")
 
 
-class _Places(NamedTuple):
+class _StepPoses(NamedTuple):
     """Participants at the end of a step, with a flat list of x, y (m) and heading (rad) of each."""
 
     entities: tuple[Entity, ...]
     numbers: array[float]
 
 
-class _Kept:
+class _PendingCommands:
     """Commands for SUMO before it starts, in order."""
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class _Kept:
 
     def clear(self) -> None:
         """Forget all."""
-        self._calls: list[_Call | _Places] = []
+        self._calls: list[_Call | _StepPoses] = []
         self._size = 0
         """places of participants among these"""
         self._steps = 0
@@ -69,7 +69,7 @@ class _Kept:
     def mirror(self, entities: tuple[Entity, ...]) -> None:
         """Keep the places of participants at the end of the coming step."""
         self._calls.append(
-            _Places(
+            _StepPoses(
                 entities,
                 array(
                     "d", [value for entity in entities for value in (entity.x, entity.y, entity.h)]
@@ -83,7 +83,7 @@ class _Kept:
     def _forget(self) -> None:
         half = len(self._calls) // 2
         for call in self._calls[:half]:
-            if isinstance(call, _Places):
+            if isinstance(call, _StepPoses):
                 self._size -= len(call.entities)
             elif call.method == "step":
                 self._steps += 1
@@ -97,7 +97,7 @@ class _Kept:
         """Show it all to SUMO."""
         before = [*[_STEP] * self._steps, *self._signals.values(), *self._present.values()]
         for call in (*before, *self._calls):
-            if isinstance(call, _Places):
+            if isinstance(call, _StepPoses):
                 x, y, h = (call.numbers[start::3] for start in range(3))
                 simulation.move(zip(call.entities, x, y, h, strict=True))
             else:
@@ -118,7 +118,7 @@ class SumoWorld:
 
     def __init__(self) -> None:
         self.simulation: SumoSimulation | None = None
-        self._kept = _Kept()
+        self._kept = _PendingCommands()
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
         """Have SUMO's network ready (nothing but the dock where there is no road).

@@ -80,7 +80,7 @@ def drawn(truth: Any, name: str) -> Drawn | None:
     Raises:
         UsageError: the lanes make no road map.
     """
-    lanes = _Lanes(truth)
+    lanes = _TraceLanes(truth)
     if not lanes.made:
         return None
     try:
@@ -90,7 +90,7 @@ def drawn(truth: Any, name: str) -> Drawn | None:
     return Drawn(built.map.to_xml(), [*lanes.notes(), *built.notes])
 
 
-class _Lanes:
+class _TraceLanes:
     """Lanelets of the lanes of a GroundTruth, by their ids."""
 
     def __init__(self, truth: Any) -> None:

@@ -106,7 +106,7 @@ def read(path: Path) -> TraceRecording:
     return made
 
 
-class _Object:
+class _TraceObject:
     """Known properties of one object."""
 
     def __init__(self, message: Any, stationary: bool, number: int) -> None:
@@ -122,7 +122,7 @@ class _Collected:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._objects: dict[int, _Object] = {}
+        self._objects: dict[int, _TraceObject] = {}
         self._times: list[int] = []
         self._hosts: Counter[int] = Counter()
         self._truth: Any = None
@@ -188,7 +188,7 @@ class _Collected:
         if known is None:
             if not base.HasField("position"):
                 raise self._fault(number, f"{kind} {key} has no position")
-            known = self._objects[key] = _Object(message, stationary, len(self._objects))
+            known = self._objects[key] = _TraceObject(message, stationary, len(self._objects))
         elif not stationary and _size(base) != _size(known.first.base):
             self._resized.add(key)
         p, o = base.position, base.orientation
@@ -275,7 +275,7 @@ def _vector(value: Any) -> tuple[float, float, float]:
     return value.x, value.y, value.z
 
 
-def _surroundings(each: _Object) -> str | None:
+def _surroundings(each: _TraceObject) -> str | None:
     """Why an object is no participant; None where it is one."""
     if not each.stationary or any(one.type == SCENARIO for one in each.first.source_reference):
         return None
@@ -306,7 +306,7 @@ def _name(message: Any, key: int, taken: Iterable[str]) -> str:
     return name if name and name.isprintable() and name not in taken else str(key)
 
 
-def _category(each: _Object, name: str, remarks: list[str]) -> tuple[str, str]:
+def _category(each: _TraceObject, name: str, remarks: list[str]) -> tuple[str, str]:
     """Kind and category."""
     if each.stationary:
         return "miscellaneous", "obstacle"
@@ -322,7 +322,7 @@ def _category(each: _Object, name: str, remarks: list[str]) -> tuple[str, str]:
     return "miscellaneous", "obstacle"
 
 
-def _box(each: _Object, name: str, kind: str, remarks: list[str]) -> BoundingBox:
+def _box(each: _TraceObject, name: str, kind: str, remarks: list[str]) -> BoundingBox:
     """The bounding box about the reference point."""
     size = tuple(
         value if math.isfinite(value) and 0.0 < value < _GREATEST else 0.0
@@ -357,7 +357,7 @@ def _offset(message: Any, kind: str) -> tuple[float, float, float] | None:
     return offset if all(abs(value) < _GREATEST for value in offset) else None
 
 
-def _track(name: str, each: _Object, time: FloatArray, made: TraceRecording) -> Track:
+def _track(name: str, each: _TraceObject, time: FloatArray, made: TraceRecording) -> Track:
     kind, category = _category(each, name, made.remarks)
     box = _box(each, name, kind, made.remarks)
     rows = np.frombuffer(each.rows, dtype=np.float64).reshape(-1, _ROW)
@@ -377,7 +377,7 @@ def _copied(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _columns(
     name: str,
-    each: _Object,
+    each: _TraceObject,
     rows: FloatArray,
     time: FloatArray,
     box: BoundingBox,

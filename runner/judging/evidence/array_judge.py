@@ -121,7 +121,7 @@ class ArrayOutcomes:
         return criticality(ego, others)
 
 
-class _Seen(RunRows):
+class _EvidenceArrays(RunRows):
     """Facts that evidence is counted from, in the runs that are left (n,).
 
     Attributes:
@@ -182,7 +182,7 @@ class ArrayJudge:
         self._steps, self._contact = np.zeros(n, np.int64), np.full(n, math.inf)
         self._partner = np.full(n, "", object)
         self._static = self._static_cause()
-        self._seen = _Seen(n)
+        self._seen = _EvidenceArrays(n)
         """of the runs that are left"""
 
     def _static_cause(self) -> bool:

@@ -130,7 +130,7 @@ def greatest(
     return extremes
 
 
-class _Approach(NamedTuple):
+class _RelativeMotion(NamedTuple):
     """Motion of another entity relative to the ego: ahead and aside (n,), m and m/s; half: half of
     both sizes, m."""
 
@@ -145,18 +145,18 @@ class _Approach(NamedTuple):
         return energy
 
 
-_Bounded = Callable[[_Approach, FieldParameters], FloatArray]
+_Bounded = Callable[[_RelativeMotion, FieldParameters], FloatArray]
 """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most"""
 
 
-def _approach(ego: MotionRows, other: MotionRows) -> _Approach:
+def _approach(ego: MotionRows, other: MotionRows) -> _RelativeMotion:
     x, y, cos, sin = seen_by(ego, other)
     a, b = ego.box, other.box
     half = (
         (a.length + b.length * np.abs(cos) + b.width * np.abs(sin)) / 2,
         (a.width + b.length * np.abs(sin) + b.width * np.abs(cos)) / 2,
     )
-    return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
+    return _RelativeMotion((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
 
 
 def _candidates(
@@ -175,7 +175,7 @@ def _candidates(
     return np.flatnonzero((bounds >= reached[:, None] - _SLACK).any(axis=0))
 
 
-def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+def _roughly(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArray:
     """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most,
     which few sums give.
 
@@ -198,13 +198,15 @@ def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
     return bound
 
 
-def _finely(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+def _finely(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArray:
     """The same at each look-ahead time by itself, and at once, when boxes may touch."""
     bound: FloatArray = _bounds(approach, np.append(0.0, parameters.times), parameters).max(axis=0)
     return bound
 
 
-def _bounds(approach: _Approach, times: FloatArray, parameters: FieldParameters) -> FloatArray:
+def _bounds(
+    approach: _RelativeMotion, times: FloatArray, parameters: FieldParameters
+) -> FloatArray:
     """Logarithms of what the probabilities of an overlap (k, n) at look-ahead times (k,) are at
     most, by Chernoff's bound."""
     time = times[:, None]
@@ -218,7 +220,7 @@ def _bounds(approach: _Approach, times: FloatArray, parameters: FieldParameters)
 
 
 def _overlap(
-    approach: _Approach, times: IntArray, rows: IntArray, parameters: FieldParameters
+    approach: _RelativeMotion, times: IntArray, rows: IntArray, parameters: FieldParameters
 ) -> FloatArray:
     """Probabilities (m,) that the boxes of rows (m,) overlap at look-ahead times, given by their
     numbers (m,)."""

@@ -73,7 +73,7 @@ def serve(handle: int | str, parent: int | str) -> None:
     """
     _watch(int(parent))
     connection = FrameConnection(socket.socket(fileno=int(handle)), None, "the run", _LONGEST)
-    server, process = _Server(), os.getpid()
+    server, process = _SystemServer(), os.getpid()
     while True:
         with suppress(Exception):
             sys.stdout.flush()
@@ -106,7 +106,7 @@ def _watch(parent: int) -> None:
         threading.Thread(target=look, daemon=True).start()
 
 
-class _Server:
+class _SystemServer:
     """Holds the system of one run at a time."""
 
     def __init__(self) -> None:

@@ -80,7 +80,7 @@ def rightwards(one: Any, c: Any, s: Any) -> Any:
     return one.vx * s - one.vy * c
 
 
-class _Seen(NamedTuple):
+class _PairedParticipants(NamedTuple):
     """Participants of some pairs: what decides, each an array (m,)."""
 
     box: BoundingBox
@@ -99,16 +99,16 @@ class _Seen(NamedTuple):
         return self.cos, self.sin
 
     @classmethod
-    def of(cls, some: ArrayParticipants, at: tuple[IntArray, ...]) -> _Seen:
+    def of(cls, some: ArrayParticipants, at: tuple[IntArray, ...]) -> _PairedParticipants:
         """Participants at places of arrays."""
         x, y, z, h, speed, vx, vy = (
             column[at] for column in (some.x, some.y, some.z, some.h, some.speed, some.vx, some.vy)
         )
         return cls(_boxes(some.box, at), x, y, z, speed, vx, vy, np.cos(h), np.sin(h))
 
-    def at(self, rows: IntArray) -> _Seen:
+    def at(self, rows: IntArray) -> _PairedParticipants:
         """Some of them."""
-        return _Seen(_boxes(self.box, rows), *(column[rows] for column in self[1:]))
+        return _PairedParticipants(_boxes(self.box, rows), *(column[rows] for column in self[1:]))
 
 
 def _boxes(box: Any, at: Any) -> BoundingBox:
@@ -173,11 +173,13 @@ class CollisionAvoidance:
         danger = np.zeros(len(way), bool)
         row, run = np.nonzero(near)
         if row.size:
-            pairs = _Seen.of(ego, (run,)), _Seen.of(others, (row, run))
+            pairs = _PairedParticipants.of(ego, (run,)), _PairedParticipants.of(others, (row, run))
             danger[run[self._dangers(*pairs, way[run])]] = True
         return ArrayControl(-way * self.brake, danger)
 
-    def _dangers(self, ego: _Seen, other: _Seen, way: FloatArray) -> BoolArray:
+    def _dangers(
+        self, ego: _PairedParticipants, other: _PairedParticipants, way: FloatArray
+    ) -> BoolArray:
         """`_danger` of many pairs (m,)."""
         seen, p = seen_by(ego, other), self._parameters
         rear, front, right, left = extents(seen, other.box)

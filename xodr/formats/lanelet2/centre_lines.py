@@ -81,10 +81,10 @@ def lanelets_of(
         lanes: of some length, with ids that differ.
         edges: lines beside lanes: road edges, lane marks, outlines.
     """
-    return _Lanes(lanes, edges).lanelets()
+    return _CentreLineSamples(lanes, edges).lanelets()
 
 
-class _Lanes:
+class _CentreLineSamples:
     def __init__(self, lanes: Sequence[CentreLine], edges: Iterable[Points]) -> None:
         self._lanes = lanes
         self._length = [float(lengths(lane.line)[-1]) for lane in lanes]

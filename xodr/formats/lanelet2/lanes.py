@@ -70,7 +70,7 @@ _RANK = {"type": "regulatory_element", "subtype": "right_of_way"}
 _URBAN = {"motorway": "nonurban", "rural": "nonurban"}
 
 
-class _Writer:
+class _OsmWriter:
     """Nodes, ways and relations of a map."""
 
     def __init__(self, lane_map: LaneMap) -> None:
@@ -141,7 +141,7 @@ class _Rule(NamedTuple):
 
 def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     """The content of a file, and what is changed or left out, one sentence each."""
-    writer, notes = _Writer(lane_map), []
+    writer, notes = _OsmWriter(lane_map), []
     lanes = {name: lane for name, lane in lane_map.lanes.items() if lane.type != "none"}
     if len(lanes) < len(lane_map.lanes):
         notes.append(f"{len(lane_map.lanes) - len(lanes)} lanes of type none are left out")
@@ -194,7 +194,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
 
 
 def _bounds(
-    writer: _Writer, lanes: dict[str, MapLane], notes: list[str]
+    writer: _OsmWriter, lanes: dict[str, MapLane], notes: list[str]
 ) -> dict[str, tuple[int, ...]]:
     """The ways of lanes: their borders, and of areas the ends between these as well."""
     ends = _joined_ends(lanes, notes)
@@ -301,7 +301,7 @@ def _area_tags(lane: MapLane, name: str) -> dict[str, str]:
     return {**tags, "lane_type": lane.type, "road_type": lane.road_type}
 
 
-def _lights(writer: _Writer, lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
+def _lights(writer: _OsmWriter, lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
     """The lights, each with its face and the stop line across the first lane that it holds, at its
     end."""
     for signal in lane_map.signals:
@@ -330,7 +330,7 @@ def _ranks(lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
         yield _Rule({high: None, **dict.fromkeys(lows)}, [], roles, _RANK)
 
 
-def _signs(writer: _Writer, lane_map: LaneMap) -> Iterator[_Rule]:
+def _signs(writer: _OsmWriter, lane_map: LaneMap) -> Iterator[_Rule]:
     """The signs, each with its face."""
     for sign in lane_map.signals:
         if sign.kind == "sign":
@@ -338,7 +338,7 @@ def _signs(writer: _Writer, lane_map: LaneMap) -> Iterator[_Rule]:
             yield _Rule(sign.lanes, [(way, "refers")], [], element_tags(sign))
 
 
-def _write_nodes(writer: _Writer, lane_map: LaneMap) -> None:
+def _write_nodes(writer: _OsmWriter, lane_map: LaneMap) -> None:
     projector = Projector(*_NOWHERE) if lane_map.projection is None else Projector.of(lane_map)
     assert projector is not None
     longitude, latitude, _ = projector.to_geodetic(np.array(writer.nodes).reshape(-1, 3))

@@ -103,7 +103,7 @@ class MapDifference:
         return 1.0 - len(self.connections_lost) / self.connections if self.connections else 1.0
 
 
-class _Places(NamedTuple):
+class _LaneSamples(NamedTuple):
     """Places along the middle of all lanes of a map.
 
     lane: number of the lane of each. point: x, y, z, (n, 3). way: direction of travel, (n, 2).
@@ -118,7 +118,7 @@ class _Places(NamedTuple):
     sides: FloatArray
 
 
-def _places(lanes: Iterable[MapLane]) -> _Places:
+def _places(lanes: Iterable[MapLane]) -> _LaneSamples:
     names: list[str] = []
     numbers, points, ways, widths, sides = [], [], [], [], []
     for lane in lanes:
@@ -138,10 +138,10 @@ def _places(lanes: Iterable[MapLane]) -> _Places:
         sides.append(np.stack([left, right], axis=1))
     if not names:
         empty = np.zeros((0, 2))
-        return _Places(
+        return _LaneSamples(
             [], np.zeros(0, np.int64), np.zeros((0, 3)), empty, np.zeros(0), np.zeros((0, 2, 2))
         )
-    return _Places(
+    return _LaneSamples(
         names,
         np.concatenate(numbers),
         np.vstack(points),
@@ -190,7 +190,7 @@ class _Matches(NamedTuple):
         return lane, away, above
 
 
-class _Index:
+class _LaneIndex:
     """The lanes of a map, to be found by place."""
 
     def __init__(self, lanes: dict[str, MapLane]) -> None:
@@ -266,7 +266,7 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
         types: lane types that are compared; None for all but `none`.
     """
     ours, theirs = _chosen(one.lanes, types), _chosen(other.lanes, types)
-    index, own = _Index(theirs), _Index(ours)
+    index, own = _LaneIndex(theirs), _LaneIndex(ours)
     places = _wide(_places(ours.values()))
     match, away, above = index.near(places.point, places.way, _reach(places)).nearest(
         len(places.lane)
@@ -304,10 +304,10 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
     )
 
 
-def _wide(places: _Places) -> _Places:
+def _wide(places: _LaneSamples) -> _LaneSamples:
     """The places at which lanes are wide enough to be compared."""
     wide = places.width >= _NARROW
-    return _Places(
+    return _LaneSamples(
         places.names,
         places.lane[wide],
         places.point[wide],
@@ -317,11 +317,11 @@ def _wide(places: _Places) -> _Places:
     )
 
 
-def _reach(places: _Places) -> FloatArray:
+def _reach(places: _LaneSamples) -> FloatArray:
     return np.clip(0.5 * places.width, _LEAST_REACH, _MOST_REACH)
 
 
-def _lengths(places: _Places, chosen: BoolArray) -> dict[str, float]:
+def _lengths(places: _LaneSamples, chosen: BoolArray) -> dict[str, float]:
     """Length of the chosen places by lane, m."""
     counts = Counter(places.lane[chosen].tolist())
     return {places.names[number]: STEP * count for number, count in counts.items()}
@@ -333,7 +333,7 @@ def _longest_first(lengths: dict[str, float]) -> dict[str, float]:
     return dict(sorted(kept.items(), key=lambda item: -item[1]))
 
 
-def _extra(lanes: dict[str, MapLane], index: _Index) -> dict[str, float]:
+def _extra(lanes: dict[str, MapLane], index: _LaneIndex) -> dict[str, float]:
     """Lengths of lanes for which the other map has none."""
     places = _wide(_places(lanes.values()))
     match, *_ = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
@@ -341,7 +341,7 @@ def _extra(lanes: dict[str, MapLane], index: _Index) -> dict[str, float]:
 
 
 def _connections(
-    ours: dict[str, MapLane], theirs: dict[str, MapLane], index: _Index
+    ours: dict[str, MapLane], theirs: dict[str, MapLane], index: _LaneIndex
 ) -> tuple[list[tuple[str, str]], int]:
     """Connections of some lanes that others lack, and the number of all."""
     pairs = [

@@ -167,7 +167,11 @@ def plain_network(network: RoadNetwork | None, whole: bool = False) -> PlainNetw
     poses = [road.pose(s) for road in roads for s in (0.0, road.length)]
     x = min((pose.x for pose in poses), default=0.0) - _DOCK_DISTANCE
     y = min((pose.y for pose in poses), default=0.0) - _DOCK_DISTANCE
-    plain = _Writer(network, (x, y), whole).write() if network else PlainNetwork(left_hand=False)
+    plain = (
+        _PlainNetworkWriter(network, (x, y), whole).write()
+        if network
+        else PlainNetwork(left_hand=False)
+    )
     for name, end in (("dock/start", x - _DOCK_LENGTH), ("dock/end", x)):
         _element(plain.nodes, "node", id=name, x=f"{end:.4f}", y=f"{y:.4f}")
     ends = {"from": "dock/start", "to": "dock/end"}
@@ -175,7 +179,7 @@ def plain_network(network: RoadNetwork | None, whole: bool = False) -> PlainNetw
     return plain
 
 
-class _Piece(NamedTuple):
+class _EdgePiece(NamedTuple):
     """A stretch of a road between two nodes, within one lane section."""
 
     section: LaneSection
@@ -192,7 +196,7 @@ _Row = dict[int, SumoLane]
 """Positions of a piece's lanes in SUMO."""
 
 
-class _Writer:
+class _PlainNetworkWriter:
     """Writes the roads.
 
     Attributes:
@@ -250,7 +254,7 @@ class _Writer:
                 LaneLink(road.id, lane_id, at_start): place for lane_id, place in row.items()
             }
 
-    def _pieces(self, road: Road) -> list[_Piece]:
+    def _pieces(self, road: Road) -> list[_EdgePiece]:
         """The road cut at lane sections, access restrictions and traffic lights, and where an edge
         would lead to its own node.
 
@@ -276,11 +280,11 @@ class _Writer:
                 *sorted(s for s in cuts if section.s < s < section.end),
                 section.end,
             ]
-            pieces += [_Piece(section, start, end) for start, end in pairwise(borders)]
+            pieces += [_EdgePiece(section, start, end) for start, end in pairwise(borders)]
         return pieces
 
     def _edge(
-        self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]
+        self, road: Road, piece: _EdgePiece, edge: str, direction: int, nodes: tuple[str, str]
     ) -> _Row:
         """Return the edge with all lanes of one direction, none if all are closed, and the position
         of each lane in SUMO."""
@@ -303,7 +307,7 @@ class _Writer:
         self.end_nodes[edge] = nodes[1]
         return {lane.id: SumoLane(edge, index) for index, lane in enumerate(lanes)}
 
-    def _from_the_kerb(self, road: Road, piece: _Piece, direction: int) -> list[Lane]:
+    def _from_the_kerb(self, road: Road, piece: _EdgePiece, direction: int) -> list[Lane]:
         """The lanes of one direction, in SUMO's order."""
         ids = (*reversed(piece.section.right), *piece.section.left)
         lanes = [
@@ -315,7 +319,9 @@ class _Writer:
             lanes.reverse()
         return [lane for lane in lanes if _width(road, lane, piece) > 0.0]
 
-    def _seam(self, road: Road, pieces: tuple[_Piece, _Piece], rows: tuple[_Row, _Row]) -> None:
+    def _seam(
+        self, road: Road, pieces: tuple[_EdgePiece, _EdgePiece], rows: tuple[_Row, _Row]
+    ) -> None:
         """The ways between two pieces of a road that follow each other towards +s."""
         before, after = pieces
         for lane_id, place in rows[0].items():
@@ -429,7 +435,7 @@ def _element(parent: etree._Element, tag: str, **attributes: str) -> etree._Elem
 
 
 def _add_lane(
-    edge: etree._Element, index: int, road: Road, lane: Lane, piece: _Piece, shape: str
+    edge: etree._Element, index: int, road: Road, lane: Lane, piece: _EdgePiece, shape: str
 ) -> None:
     usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
     speed = road.speed_limit(piece.middle, lane.id) or usual
@@ -454,7 +460,7 @@ def _use(lane: Lane) -> Use:
     return CLOSED if lane.road_works else use_of(lane.type)
 
 
-def _width(road: Road, lane: Lane, piece: _Piece) -> float:
+def _width(road: Road, lane: Lane, piece: _EdgePiece) -> float:
     """Mean width of a lane on a piece as seen from above, at least NARROW; 0 where it is nowhere
     wider."""
     places = [

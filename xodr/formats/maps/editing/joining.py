@@ -173,7 +173,7 @@ def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
 # open ends --------------------------------------------------------------------------------------
 
 
-class _End(NamedTuple):
+class _OpenEnd(NamedTuple):
     """An open end of a road: its place, the heading out of the road, and borders (inner, outer) of
     its lanes."""
 
@@ -226,7 +226,7 @@ def _link(base: EditedRoads, within: float) -> Iterator[str]:
         )
 
 
-def _open_ends(network: RoadNetwork) -> Iterator[_End]:
+def _open_ends(network: RoadNetwork) -> Iterator[_OpenEnd]:
     for road in network.roads.values():
         for at_start, link in ((True, road.predecessor), (False, road.successor)):
             if link is not None or road.junction_id is not None:
@@ -239,10 +239,10 @@ def _open_ends(network: RoadNetwork) -> Iterator[_End]:
                 if lane.id and abs(lane.outer(s) - lane.inner(s)) > 0.01
             }  # fmt: skip
             heading = pose.h + (math.pi if at_start else 0.0)
-            yield _End(road, at_start, (pose.x, pose.y), heading, lanes)
+            yield _OpenEnd(road, at_start, (pose.x, pose.y), heading, lanes)
 
 
-def _continued(one: _End, other: _End, within: float) -> dict[int, int]:
+def _continued(one: _OpenEnd, other: _OpenEnd, within: float) -> dict[int, int]:
     """Lanes of an end, each with the lane of another end that continues it; empty where none is."""
     turned = math.remainder(one.heading - other.heading - math.pi, math.tau)
     if abs(turned) > _TURNED or (one.road is other.road and one.at_start == other.at_start):
@@ -259,7 +259,9 @@ def _continued(one: _End, other: _End, within: float) -> dict[int, int]:
     return continued
 
 
-def _write_link(road: etree._Element, end: _End, other: _End, lanes: dict[int, int]) -> None:
+def _write_link(
+    road: etree._Element, end: _OpenEnd, other: _OpenEnd, lanes: dict[int, int]
+) -> None:
     name = "predecessor" if end.at_start else "successor"
     contact = "start" if other.at_start else "end"
     link = road.find("link")
