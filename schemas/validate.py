@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from lxml import etree
 
 from schemas.common.errors import InvalidFile, UsageError, similar
+from schemas.common.plugins import of_element, told
 from schemas.common.xml import local_name
 from schemas.versions.registry import Schema
 
@@ -137,6 +138,10 @@ def _explained(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
 
 
 def _unexpected(child: etree._Element, error: Any) -> str:
+    plugin = of_element(local_name(child))
+    if plugin is not None:
+        # A name of the standard that is like it would be a wrong suggestion: this one is meant.
+        return f"the element {local_name(child)} is of {told(plugin)}; no version of the standard has it"
     names = sorted(
         {
             str(particle.local_name)

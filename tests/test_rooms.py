@@ -36,6 +36,8 @@ WORK = {
         "cas",
     ],
 }
+WITHOUT_PLUGINS = "--untrusted"
+"""Packages of plug-ins that are installed here load whatever they need"""
 
 
 def loaded_by(command: str) -> dict[str, bool]:
@@ -44,7 +46,7 @@ def loaded_by(command: str) -> dict[str, bool]:
         "import atexit, runpy, sys\n"
         "found = lambda: {name: hasattr(module, '__path__') for name, module in sys.modules.items()}\n"
         "atexit.register(lambda: print(found()))\n"
-        f"sys.argv = {[command, *WORK[command]]}\n"
+        f"sys.argv = {[command, *WORK[command], WITHOUT_PLUGINS]}\n"
         f"runpy.run_module({command!r}, run_name='__main__')\n"
     )
     done = subprocess.run(

@@ -19,6 +19,7 @@ import site
 import sys
 import sysconfig
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 
 _PREFIX = "xosc."
 """All groups begin with it"""
+_OF_ELEMENTS = ("xosc.action", "xosc.condition", "xosc.position")
+"""Groups whose kinds execute elements of a scenario"""
+_HOMES: dict[str, str] = {}
+"""Module that executes an element, by the name of the element"""
 
 
 class NameTaken(ValueError):
@@ -134,6 +139,28 @@ def register(group: str, homes: Callable[[], Collection[str]]) -> None:
         own = any(home.partition(".")[0] == package for home in homes())
         if len(homes()) == before and not own:
             raise UsageError(f"{told(entry)} registers nothing")
+
+
+def note_element(name: str, module: str) -> None:
+    """Note the module that executes an element, for `of_element`."""
+    _HOMES[name] = module
+
+
+def of_element(name: str) -> EntryPoint | None:
+    """Return the plug-in that executes an element of its own; None under --untrusted.
+
+    A plug-in that can't be imported has no elements here: a run names it, a check goes on.
+    """
+    declared: list[EntryPoint] = []
+    for group in _OF_ELEMENTS:
+        with suppress(UsageError):
+            modules(group)
+            declared += installed(group).values()
+    home = _HOMES.get(name, "")
+    package = home.partition(".")[0]
+    own = [entry for entry in declared if entry.module.partition(".")[0] == package]
+    # The module may be another one of the package, which the one of the entry point imports.
+    return min(own, key=lambda entry: entry.module != home, default=None)
 
 
 @cache

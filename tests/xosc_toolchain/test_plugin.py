@@ -134,6 +134,16 @@ print(("lab_kit", "plug-in", "of lab_kit.export, installed by pip") in target_li
     ], done.stderr
 
 
+def test_a_check_names_the_plug_in_that_an_element_is_of(project: Path, site: Path) -> None:
+    check = ("-m", "schemas.xosc_check", "tests/lane.xosc")
+    told, untrusted = (call(site, project, *check, *more).stdout for more in ((), ("--untrusted",)))
+    assert "LabKitLaneCondition is of the plug-in 'lab_kit' of xosc.condition" in told
+    assert "no version of the standard has it" in told
+    assert "did you mean" not in told
+    assert "plug-in" not in untrusted
+    assert "LabKitLaneCondition is not expected here" in untrusted
+
+
 FAULTS = {
     "an error": (
         "xosc.measure",

@@ -67,6 +67,7 @@ class Registry:
                     home = self.classes[name].__module__
                     raise NameTaken(f"the {self.family} {name} is registered by {home}")
                 self.classes[name] = cls
+                plugins.note_element(name.rpartition("/")[2], cls.__module__)
             return cls
 
         return enter
