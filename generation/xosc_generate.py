@@ -312,7 +312,7 @@ def _course(generated: Generated, settings: SearchSettings) -> Iterator[str]:
 
 
 def _nothing(generated: Generated) -> str:
-    """Why there is no edge case."""
+    """Reason for which there is no edge case."""
     outcomes = generated.history.outcomes
     colliding, near = outcomes.executed & outcomes.collision, outcomes.clearance[outcomes.executed]
     if not near.size:

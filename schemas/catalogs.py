@@ -135,7 +135,7 @@ class Directory(NamedTuple):
 
 
 class NoEntry(LookupError):
-    """There is no such entry, or more than one.
+    """Error: a catalogue has no such entry, or more than one.
 
     Attributes:
         undecided: whether one of the directories is not there, so that the entry may be in it.

@@ -79,7 +79,8 @@ MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).
 
 WRITTEN = (*PACKAGES, "benchmarks", "docs")
 OPENING = re.compile(
-    r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One who|Whoever|Nobody|Somebody|Everybody|As many)\b"
+    r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One who|Whoever|Nobody|Somebody|Everybody|As many|"
+    r"Around|Why|Which|When|For files|For people|Some of|Until when)\b"
 )
 """Beginnings of docstrings that make a reader work out the noun that is meant."""
 PEOPLE = re.compile(
@@ -158,6 +159,8 @@ def test_documents_name_things_not_people() -> None:
         "Where it is now.",
         "Points and what came of them.",
         "So many draws.",
+        "Around all that writes.",
+        "Why it fails.",
     ],
 )
 def test_unclear_docstrings_are_found(text: str) -> None:

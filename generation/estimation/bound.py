@@ -51,7 +51,7 @@ class DrawnBound(NamedTuple):
         return not len(self.against) and self.statement.unknown <= self.asked
 
     def as_json(self) -> dict[str, Any]:
-        """For files."""
+        """Return the bound as a JSON object, for files."""
         return {
             "asked": self.asked,
             "holds": self.holds,

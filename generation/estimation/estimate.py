@@ -246,7 +246,7 @@ class Estimate(NamedTuple):
     driving: Driving | str = ""
 
     def lines(self) -> Iterator[str]:
-        """For people."""
+        """Yield the estimate in lines of text, for a terminal."""
         origin = (
             f"draws around {many(self.known, 'failure')}"
             if self.known
@@ -274,7 +274,7 @@ class Estimate(NamedTuple):
         )
 
     def as_json(self) -> dict[str, Any]:
-        """For files: the interval is of 95 %."""
+        """Return the estimate as a JSON object, for files: the interval is of 95 %."""
         listed: dict[str, dict[str, Any]] = {
             name: {
                 "value": probability.value,

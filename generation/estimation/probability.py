@@ -56,8 +56,8 @@ class Probability(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of positive
-        values are skewed."""
+        """Interval of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of
+        positive values are skewed."""
         if self.value <= 0.0:
             return 0.0, self.bound
         factor = math.exp(_NORMAL * self.spread)
@@ -69,8 +69,8 @@ class Probability(NamedTuple):
         return self.effective >= LEAST_EFFECTIVE
 
     def within(self, other: Probability) -> Probability:
-        """This one as of an event that implies another one, whose upper limit holds for it too
-        where it is to be trusted."""
+        """Return the estimate within that of an event that this one implies, whose upper limit
+        holds for it too where it is to be trusted."""
         return self._replace(bound=min(self.bound, other.interval[1])) if other.stable else self
 
     @property
@@ -103,7 +103,7 @@ class ControlVariate(NamedTuple):
 def probability(
     failing: BoolArray, weights: FloatArray, greatest: float, control: ControlVariate | None = None
 ) -> Probability:
-    """Of an event, by importance sampling with plays as control variate.
+    """Probability of an event, by importance sampling with plays as control variate.
 
     P = mean(w·f) − β (mean(w·g) − G), f the event, g that in plays, G its mean over many draws,
     β the regression of the first on the second: only what plays get wrong is left to chance. A.
@@ -253,7 +253,7 @@ class Driving:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """For files."""
+        """Return the driving as a JSON object, for files."""
         driven: dict[str, Any] = {
             "hours": self.exposure.hours,
             "kilometres": self.exposure.kilometres,

@@ -155,7 +155,7 @@ recordings."""
 
 
 class SearchTarget(NamedTuple):
-    """Something to search.
+    """Scenario to search, with its recordings and settings.
 
     Attributes:
         name: of its folder.

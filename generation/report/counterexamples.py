@@ -519,7 +519,8 @@ class FailureRegion(NamedTuple):
     def as_json(
         self, by: Sequence[Measure], members: Mapping[str, Sequence[float]]
     ) -> dict[str, Any]:
-        """For files and the page; `members` has the values of the `typical` and of the `likeliest` member."""
+        """Return the group as a JSON object, for files and the page; `members` has the values of
+        the `typical` and of the `likeliest` member."""
         low, high = self.drawn.interval
         chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
         return {

@@ -52,7 +52,7 @@ class Share(NamedTuple):
 
     @classmethod
     def of(cls, outcomes: Outcomes) -> Share:
-        """Of those that took place."""
+        """Count the runs that took place."""
         return cls(int(outcomes.collision.sum()), int(outcomes.executed.sum()))
 
     @property
@@ -105,7 +105,7 @@ class Statement(NamedTuple):
         return _upper(self.failing, self.draws)
 
     def as_json(self) -> dict[str, float]:
-        """For files."""
+        """Return counts and bounds as a JSON object, for files."""
         bounds = {"unknown_below": self.unknown, "all_below": self.total, "confidence": CONFIDENCE}
         return {**self._asdict(), "near": NEAR, **bounds}
 

@@ -103,7 +103,7 @@ class Outcomes:
 
     @classmethod
     def of(cls, n: int, **known: Any) -> Outcomes:
-        """Of n episodes, with what is known of them; the rest as where nothing happens."""
+        """Outcomes of n episodes, from known columns; the others are as where nothing happens."""
         columns = {
             name: np.asarray(known.get(name, [value] * n), type(value))
             for name, value in NOTHING.items()
@@ -134,7 +134,7 @@ class Outcomes:
         return self.executed & (self.collision | (self.r_risk > 0.0))
 
     def take(self, chosen: BoolArray | IntArray) -> Outcomes:
-        """Some of the episodes, by a mask (n,) or by indices."""
+        """Return a subset of the episodes, by a mask (n,) or by indices."""
         return Outcomes(
             **{field.name: getattr(self, field.name)[chosen] for field in fields(Outcomes)}
         )
@@ -406,7 +406,7 @@ class FullBraking:
         return ArrayControl(np.full(len(run), -self.brake), self._active[run])
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """Nothing until the manoeuvre begins, then full braking."""
+        """Leave all to the scenario until the manoeuvre begins, then brake fully."""
         now = {
             participant.name: _state(observation, participant)
             for participant in (observation.ego, *observation.others)
@@ -574,7 +574,7 @@ class Cases:
         return len(self.rewards)
 
     def take(self, rows: BoolArray | IntArray) -> Cases:
-        """Some of them, by a mask (n,) or by indices."""
+        """Return a subset of the episodes, by a mask (n,) or by indices."""
         drivers = {name: outcomes.take(rows) for name, outcomes in self.drivers.items()}
         return Cases(
             self.theta[rows],

@@ -63,7 +63,7 @@ class Realism:
 
     @classmethod
     def fitted(cls, name: str, theta: FloatArray, recordings: NDArray[np.str_]) -> Realism:
-        """By a density that is fitted on recorded parameters (n, d).
+        """Fit the density to recorded parameters (n, d).
 
         Args:
             name: of the density (`generation.space.density.models`).
@@ -76,7 +76,7 @@ class Realism:
 
     @classmethod
     def of(cls, density: Density, held_out: FloatArray) -> Realism:
-        """With the limits that held-out log-densities (n,) of the training samples set.
+        """Limits by held-out log-densities (n,) of the training samples.
 
         Raises:
             UsageError: they are all the same.
@@ -99,7 +99,7 @@ class Realism:
         return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)
 
     def penalty(self, theta: FloatArray) -> FloatArray:
-        """Of rows (n, d): (n,) in 0 … 1."""
+        """Return the penalties of rows (n, d): (n,) in 0 … 1."""
         return np.minimum(self.excess(theta), 1.0)
 
 

@@ -56,7 +56,7 @@ def _processes() -> Any:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which episodes become files.
+    """Choice of the episodes that become files.
 
     Attributes:
         most: how many.

@@ -211,7 +211,7 @@ class Writer:
         )
 
     def _header(self, description: str) -> FileHeader:
-        """With the scenario's date, so that the same search gives the same bytes."""
+        """Return a header with the scenario's date, so that the same search gives the same bytes."""
         date = self._document.node.need("FileHeader").get("date")
         return FileHeader(description, AUTHOR, datetime.fromisoformat(date))
 

@@ -443,8 +443,8 @@ def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
 
 
 def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
-    """For each folder in a catalogue the scenario in the middle of those that declare the same
-    parameters.
+    """Return, for each folder in a catalogue, the scenario in the middle of those that declare the
+    same parameters.
 
     The recorded parameters are the values that those scenarios declare; most of a kind win where
     there are several kinds. Where the ego is alone, nothing can be searched.

@@ -332,7 +332,7 @@ def _declarations(root: Node) -> list[Node]:
 def _obstacle(
     name: str, pinned: bool, bounded: bool, limits: Marginal | None, scope: ParameterScope
 ) -> str | None:
-    """Why a parameter can't be searched; None where it can."""
+    """Reason for which a parameter can't be searched; None where it can."""
     if pinned:
         return "is pinned"
     if not (bounded or limits is not None):

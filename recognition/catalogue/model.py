@@ -99,7 +99,7 @@ def unseen_sites(folder: Path) -> UnseenSites | None:
 
 
 def objection(stated: UnseenSites | None) -> str | None:
-    """Why a model with such a statement must not sort a catalogue; None where it may."""
+    """Reason for which a model with such a statement must not sort a catalogue; None where it may."""
     needed = f"at least {AGREE:.0%} and at most {WRONG:.0%} are required"
     if stated is None:
         return f"the model does not state how many of the rules' events on sites not seen get their class, or another ({needed})"

@@ -335,7 +335,7 @@ def _repairs(report: Report) -> str:
 
 
 def _part(advance: Advance, share: float) -> Advance:
-    """For work that is a share of other work."""
+    """Return a callback of progress for work that is a share of other work."""
     return lambda done: advance(share * done)
 
 

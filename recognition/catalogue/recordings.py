@@ -165,7 +165,7 @@ class _Table:
         return {name: table[name].to_numpy() for name in table.column_names}
 
     def rows(self, part: slice) -> dict[str, np.ndarray]:
-        """Some rows of each column."""
+        """Subset of the rows of each column."""
         return {name: values[part].copy() for name, values in self._columns.items()}
 
 
@@ -228,7 +228,7 @@ class RecordingLocation(NamedTuple):
 
     @property
     def source(self) -> Source:
-        """Its source."""
+        """Source that has the recording."""
         sources = opened(self.paths, self.road, self.columns)
         return next(source for source in sources if source.name == self.name)
 
@@ -243,7 +243,7 @@ class PlacedRecording(NamedTuple):
 
     @property
     def site(self) -> Site:
-        """Its site."""
+        """Site with the road and the roles of its lanes."""
         return Site(self.road, loaded(self.road), self.roles)
 
 
@@ -330,7 +330,7 @@ class Inspection(NamedTuple):
     reasons: list[str]
 
     def as_json(self) -> str:
-        """As one line of JSON."""
+        """Return the inspection as one line of JSON."""
         return json.dumps(self._asdict(), ensure_ascii=False)
 
 

@@ -215,7 +215,7 @@ def _lane_heading(scene: SceneRows, row: int) -> float:
 
 
 def _wrapped(angle: FloatArray | float) -> FloatArray:
-    """Between -π and π."""
+    """Angle between -π and π."""
     return np.remainder(np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi
 
 
@@ -418,7 +418,7 @@ _SAME_LANE = 1.0
 
 
 def _overlapping(scene: SceneRows, changed: BoolArray) -> BoolArray:
-    """Which of these steps from a row to the next lead to a lane that overlaps the one before, with
+    """Mask of steps from a row to the next that lead to a lane which overlaps the one before, with
     nearly its centre and way."""
     near = (
         changed

@@ -96,8 +96,8 @@ def counts(events: Iterable[LabelledEvent]) -> dict[Label, int]:
 
 @dataclass(frozen=True)
 class Rules:
-    """Everything that a rule compares with. Times in s, lengths in m, speeds in m/s, accelerations
-    in m/s², angles in degrees.
+    """Thresholds of all rules. Times in s, lengths in m, speeds in m/s, accelerations in m/s²,
+    angles in degrees.
 
     Attributes:
         window: length of the window about t*, for which ego has to be there without missing frames.

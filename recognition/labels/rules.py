@@ -27,7 +27,7 @@ class Cuts(NamedTuple):
     gap: FloatArray
 
     def where(self, chosen: BoolArray) -> Cuts:
-        """Some of them."""
+        """Return a subset of the rows."""
         return Cuts(self.ego[chosen], self.other[chosen], self.gap[chosen])
 
 

@@ -92,7 +92,7 @@ class Traffic:
         return ahead, both[distance.argmin(axis=0), np.arange(len(front))], behind
 
     def _beyond(self, place: IntArray, side: int, group: IntArray) -> tuple[IntArray, IntArray]:
-        """From places in the order on: the first that does not overlap, and the first where it does."""
+        """Return the first place from one on that does not overlap, and the first that does."""
         first = found = self._at(place, group)
         while (overlapping := self._overlaps(found)).any():
             place = place + side * overlapping

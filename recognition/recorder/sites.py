@@ -445,7 +445,7 @@ def _roundabout(name: str, rng: Draw) -> SimulatedSite:
 
 
 def _crossing_sizes(rng: Draw) -> dict[str, float]:
-    """Of small junctions and large ones, half of them with lights."""
+    """Sizes of small junctions and large ones, half of them with lights."""
     return {
         "lanes": int(rng.integers(1, 4)), "lane_width": float(rng.uniform(2.8, 4.0)),
         "corner_radius": float(rng.uniform(5.0, 25.0)),

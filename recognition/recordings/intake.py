@@ -190,7 +190,7 @@ class _RecordedRows(NamedTuple):
 
     @classmethod
     def of(cls, tracks: Sequence[Track]) -> _RecordedRows:
-        """Of all rows, raw where they were smoothed."""
+        """Rows of all tracks, raw where they were smoothed."""
         listed = [track.columns for track in tracks]
         track = np.repeat(
             np.arange(len(listed)), np.array([len(one["time"]) for one in listed], np.int64)

@@ -26,7 +26,7 @@ _LATE = 1.5
 
 
 class Clock(NamedTuple):
-    """When each row of a table was recorded.
+    """Times at which the rows of a table were recorded.
 
     column: what the file calls it. counts: its value in each row. per_second: how much it counts in
     a second. step: time from frame to frame, s. zero: its count at time 0.
@@ -77,7 +77,7 @@ class Rows:
         return self.order[self.starts[:-1]].tolist()
 
     def part(self, first: int, last: int) -> Rows:
-        """Some of the tracks, from `first` to before `last`."""
+        """Subset of the tracks, from `first` to before `last`."""
         a, b = int(self.starts[first]), int(self.starts[last])
         own, tracks = slice(a, b), slice(first, last)
         starts, keys, repeated = (
@@ -97,7 +97,7 @@ class Rows:
         )
 
     def among(self, kept: NDArray[np.bool_]) -> Rows:
-        """Some of the rows, at least one of each track."""
+        """Subset of the rows, at least one of each track."""
         starts, time = (
             np.append(0, np.cumsum(np.add.reduceat(kept, self.starts[:-1], dtype=np.int64))),
             self.time[kept],

@@ -152,7 +152,7 @@ def share_astray(recording: Recording, network: RoadNetwork) -> float:
 
 
 class _Sample(NamedTuple):
-    """Some rows of tracks: number of the track, place (m), direction of motion (rad)."""
+    """Sample of the rows of tracks: number of the track, place (m), direction of motion (rad)."""
 
     track: IntArray
     x: FloatArray

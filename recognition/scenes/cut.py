@@ -74,7 +74,7 @@ class _Motion(NamedTuple):
 
     @classmethod
     def of(cls, columns: Mapping[str, np.ndarray]) -> _Motion:
-        """From the columns of a track."""
+        """Build it from the columns of a track."""
         time, x, y, h, speed, acceleration = (
             columns[name] for name in ("time", "x", "y", "h", "speed", "acceleration")
         )
@@ -177,7 +177,7 @@ class _FrameRows(NamedTuple):
 
     @classmethod
     def of(cls, tracks: Sequence[Track], frames: Sequence[IntArray]) -> _FrameRows:
-        """Of tracks with the frames of each."""
+        """Rows of tracks with the frames of each."""
         track = np.repeat(np.arange(len(tracks)), [len(frame) for frame in frames])
         x, y = (
             np.concatenate([np.zeros(0), *(track.columns[axis] for track in tracks)])

@@ -198,8 +198,8 @@ def _writable(out: Path) -> Iterator[None]:
 def _concluded(
     out: Path, kept: journal.Journal, errors: dict[str, Outcome], ended: WorkDone
 ) -> Iterator[None]:
-    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of
-    all runs is written."""
+    """Context manager around the runs of a batch: at its end, also when they are interrupted,
+    drafts are removed and the table of all runs is written."""
     try:
         yield
     finally:
@@ -382,8 +382,8 @@ class BatchComparison:
     def with_batch(
         cls, folder: Path, files: Iterable[Path], settings: RunSettings
     ) -> BatchComparison:
-        """With the batch of an output folder; with the user's key only runs that it has sealed
-        count.
+        """Comparison with the batch of an output folder; with the user's key only runs that it has
+        sealed count.
 
         Args:
             files, settings: of the batch that is compared.

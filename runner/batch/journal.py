@@ -252,7 +252,7 @@ def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Pat
 
 
 def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Sequence[str]) -> str:
-    """Why a run that was entered does not count as finished; empty where it does."""
+    """Reason for which a run that was entered does not count as finished; empty where it does."""
     key = seal_key()
     if current().untrusted and key is None:
         return f"that --untrusted does not believe without {SEAL_KEY}"

@@ -183,7 +183,8 @@ class Workers(NamedTuple):
 def results(
     work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers
 ) -> Iterator[Iterator[Result]]:
-    """Around all that uses the result of each task, in their order; several processes begin at once.
+    """Context manager that yields the result of each task, in their order; several processes begin
+    at once.
 
     Args:
         work: does a task; a function of a module, or a `functools.partial` of one, as it goes to

@@ -154,7 +154,7 @@ class RunResult:
 
     @cached_property
     def trajectories(self) -> pa.Table:
-        """Everyone's trajectory in long form: time, entity, x, y, z, h, pitch, roll, speed,
+        """Trajectories of all entities in long form: time, entity, x, y, z, h, pitch, roll, speed,
         acceleration, road_id, lane_id, s, t, lane_offset (m, rad, s; reference point; see
         `runner.recording`)."""
         return self.recording.table()

@@ -96,7 +96,7 @@ def red_light_remarks(
 
 
 def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
-    """Why a run fails by limits; empty where it keeps them."""
+    """Reasons for which a run fails by limits; empty where it keeps them."""
     criticality = result.criticality
     own = [entry for entry in result.events if entry.subject == result.ego]
     facts = Facts(

@@ -262,7 +262,7 @@ class _ClassReference(NamedTuple):
     package: str = ""
 
     def importing(self) -> AbstractContextManager[None]:
-        """Around the import of the class, and around telling an error of that."""
+        """Context manager around the import of the class, and around telling an error of that."""
         return nullcontext() if self.file or self.is_installed else from_working_folder(self.module)
 
     def load(self) -> Any:

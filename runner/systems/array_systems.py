@@ -56,7 +56,7 @@ class _Together(ArraySystem):
                 raise self._failed("reset_arrays", error) from error
 
     def control(self, observations: ArrayObservation, dt: float) -> Answers:
-        """Its answers, checked."""
+        """Return the system's answers, checked."""
         try:
             return checked(self._system.control_arrays(observations, dt), len(observations.run))
         except RAISED as error:

@@ -216,7 +216,7 @@ class WorldDriver(EgoDriver):
         )
 
     def answer(self, driven: bool) -> None:
-        """Once the world has driven the ego, it has to return to the scripted speed."""
+        """Note the world's answer: once it has driven the ego, that returns to the scripted speed."""
         self._returning = self._returning or driven
         self._refused = not driven
         if driven:

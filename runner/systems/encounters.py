@@ -100,7 +100,7 @@ class AheadParticipant(NamedTuple):
 
 
 def encounters(observation: Observation) -> Iterator[AheadParticipant]:
-    """Everyone ahead, in the order of the scenario's entities."""
+    """All participants ahead, in the order of the scenario's entities."""
     ego = observation.ego
     for other in observation.others:
         seen = outlook(ego, other)
@@ -110,7 +110,7 @@ def encounters(observation: Observation) -> Iterator[AheadParticipant]:
 
 
 def encounters_arrays(observations: ArrayObservation) -> tuple[BoolArray, AheadParticipant]:
-    """Everyone in many runs (p, n): a mask of participants that are ahead, and all as they are met
+    """Mask of participants that are ahead in many runs (p, n), and all of them as they are met
     there."""
     ego, others = observations.ego, observations.others
     seen, (c, s) = seen_by(ego, others), ego.facing

@@ -75,7 +75,7 @@ class RegisteredRule:
         return self.standard == file.standard and file.version >= self.since and file.kind in kinds
 
     def problems(self, document: CheckedDocument) -> Iterator[Problem]:
-        """Its problems in a document."""
+        """Problems of the rule in a document."""
         for number, (element, message, level) in enumerate(self.check(document)):
             if number == MAX_FINDINGS:
                 yield document.problem(

@@ -342,7 +342,8 @@ def _importer(frame: FrameType | None) -> str:
 
 @contextmanager
 def from_working_folder(module: str) -> Iterator[None]:
-    """Around the import of a module that the user has named: it may lie in the working folder.
+    """Context manager around the import of a module that the user has named: it may lie in the
+    working folder.
 
     What it imports from there itself, then or later, is found too.
 

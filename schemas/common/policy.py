@@ -133,8 +133,7 @@ def current() -> CommandPolicy:
 
 @contextmanager
 def in_force(policy: CommandPolicy) -> Iterator[None]:
-    """Around all that a policy is for. What is in force is so in processes that are forked, too;
-    others are given it.
+    """Context manager that puts a policy in force, in forked processes too; others are given it.
 
     Raises:
         UsageError: this system can't keep its limits.
@@ -205,8 +204,8 @@ class _TimeOver(BaseException):
 
 @contextmanager
 def limited() -> Iterator[None]:
-    """Around the work on one file, or one run: it ends when its time is over, or memory has run
-    out. Can decorate a function.
+    """Context manager around the work on one file, or one run: it ends when its time is over, or
+    memory has run out. Can decorate a function.
 
     Inside another one, the time of that one counts. A library that does not come back to Python for
     that long takes its process along, where that is a worker's.

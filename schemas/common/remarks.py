@@ -72,8 +72,8 @@ def told_quietly(remarks: Iterable[str]) -> str:
 
 @contextmanager
 def with_ignored(remarks: Iterable[Remark]) -> Iterator[None]:
-    """Around all that reads a document: an error names an element that is ignored, as a reference
-    into it leads nowhere.
+    """Context manager around the reading of a document: an error names an element that is ignored,
+    as a reference into it leads nowhere.
 
     Args:
         remarks: those on the document.

@@ -75,8 +75,8 @@ def is_own(path: Path) -> bool:
 
 @contextmanager
 def own_cache() -> Iterator[str]:
-    """Around a command: yields "", or a remark if the cache folder is not of this user alone and an
-    empty one takes its place."""
+    """Context manager around a command: yields "", or a remark if the cache folder is not of this
+    user alone and an empty one takes its place."""
     try:
         cache_folder("sumo")
         cache_folder("roads")
@@ -447,7 +447,7 @@ def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
 
 @contextmanager
 def writing(what: str, path: Path) -> Iterator[None]:
-    """Around all that writes something.
+    """Context manager that makes errors of writing into ones that name the path.
 
     Raises:
         NotWritten: it can't be written.
@@ -460,8 +460,8 @@ def writing(what: str, path: Path) -> Iterator[None]:
 
 @contextmanager
 def alone(folder: Path, what: str) -> Iterator[None]:
-    """Around all that only one process at a time may do in a folder, which is made; a hidden lock
-    file stays in it.
+    """Context manager around work that one process at a time may do in a folder, which is made; a
+    hidden lock file stays in it.
 
     Args:
         what: the work, for the message: "a batch".

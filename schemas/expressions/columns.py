@@ -20,7 +20,7 @@ from schemas.expressions.values import MARK
 
 
 class NotInArrays(ToolchainError):
-    """Something that can't be done for many parameter sets at once; one by one it may."""
+    """Error: an element can't be played for many parameter sets at once; one by one it may."""
 
 
 class NumberColumn(np.ndarray[Any, np.dtype[np.float64]]):
@@ -99,7 +99,7 @@ _reading: ContextVar[Columns | None] = ContextVar("columns", default=None)
 
 @contextmanager
 def reading(columns: Columns) -> Iterator[Columns]:
-    """Around all that reads a document for many sets."""
+    """Context manager around the reading of a document for many sets."""
     token = _reading.set(columns)
     try:
         yield columns

@@ -1,4 +1,4 @@
-"""Which standard, version and kind a file has, and the official XSD for it.
+"""Standard, version and kind of a file, and the official XSD for it.
 
 XSDs are not part of this package. They are found in installed packages (scenariogeneration, which
 is a dependency, and ASAM's checker bundles where they are installed) and in the folder that the

@@ -1,4 +1,4 @@
-"""Which density model says most of recordings that it has not seen: held-out log-likelihoods
+"""Comparison of density models on recordings that they have not seen: held-out log-likelihoods
 (METHOD §3)."""
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def _name(scenario: Path) -> str:
 
 
 def _prevented(scenario: Path, space: Space, theta: FloatArray, sut: str) -> BoolArray:
-    """Which points (n,) are collisions that a judge prevents."""
+    """Mask of points (n,) that are collisions that a judge prevents."""
     plays = ArrayPlays(scenario, space, RunSettings(sut=sut))
     found = plays(theta).collision
     hit = np.flatnonzero(found)

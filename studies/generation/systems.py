@@ -1,5 +1,5 @@
-"""Which systems under test collide on the same cases, and which of these collisions a careful and
-competent driver avoids.
+"""Collisions of systems under test on the same cases, and the share that a careful and competent
+driver avoids.
 
 Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. The
 command for it is `python -m studies.generation systems`.

@@ -83,7 +83,7 @@ class Clothoid(NamedTuple):
         return PlanPose(curve.XEnd, curve.YEnd, pose.heading + turn)
 
     def first(self, length: float) -> Clothoid:
-        """Its first so many metres."""
+        """Return the first part of the element, of a length (m)."""
         end = self.start + (self.end - self.start) * length / self.length
         return Clothoid(length, self.start, end)
 
@@ -142,7 +142,8 @@ class CubicPiece(NamedTuple):
         )
 
     def first(self, length: float) -> CubicPiece:
-        """Its first so many metres; p is taken as the share of the length."""
+        """Return the first part of the element, of a length (m); p is taken as the share of the
+        length."""
         share = length / self.length
         u, v = ((a, b * share, c * share**2, d * share**3) for a, b, c, d in (self.u, self.v))
         return CubicPiece(length, u, v)

@@ -1,4 +1,4 @@
-"""From the world to the road: the nearest place on a road network.
+"""Location of world positions: the nearest place on a road network.
 
 Each road is cut into chords at load; a tree of boxes over them (a bulk-loaded R-tree, as fast as
 Shapely's on a town and twice as fast on one road: docs/performance.md) gives the few chords near a

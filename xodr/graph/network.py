@@ -31,8 +31,8 @@ from xodr.model.road import Road
 
 
 class RoadNetwork:
-    """Everything that one OpenDRIVE file describes, with the lanes in force: temporary ones where
-    there are some.
+    """Roads, junctions and controllers of one OpenDRIVE file, with the lanes in force: temporary
+    ones where there are some.
 
     Road points keep to a layer of lanes. `on` and the arguments `layer` choose another than the one
     in force.
@@ -282,7 +282,7 @@ class RoadNetwork:
     def relative_in_lane(
         self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest"
     ) -> Relative | None:
-        """Like `relative`, in lane coordinates: along the centre of the origin's lane, which goes
+        """Return `relative` in lane coordinates: along the centre of the origin's lane, which goes
         on by lane links.
 
         ds is then a length on that lane, dt the difference of the distances from its centre, and

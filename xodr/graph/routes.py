@@ -430,8 +430,8 @@ def _rank(lane_id: int) -> int:
 def _relative(
     ds: float, origin_t: float, lane_id: int, target: RoadPoint, target_t: float, aligned: bool
 ) -> Relative:
-    """From the target road's frame to the origin's; `lane_id` is the origin's lane as it goes on
-    there."""
+    """Convert a place from the target road's frame to the origin's; `lane_id` is the origin's lane
+    as it goes on there."""
     sign = 1 if aligned else -1
     return Relative(
         ds, sign * target_t - origin_t, sign * lanes_between(lane_id, target.lane_id), aligned

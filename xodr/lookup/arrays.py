@@ -51,7 +51,7 @@ class OnChord(NamedTuple):
     distance: FloatArray
 
     def at(self, rows: IntArray) -> OnChord:
-        """Some of them."""
+        """Subset of the places."""
         return OnChord(*(values[rows] for values in self))
 
 
@@ -161,8 +161,8 @@ def _inside(end: float) -> float:
 
 
 def _turned(pieces: FloatArray) -> FloatArray:
-    """By how much the heading has changed up to the end of each piece (x, y, heading of its ends),
-    whichever way, rad."""
+    """Sum of the absolute changes of heading up to the end of each piece (x, y, heading of its
+    ends), rad."""
     begins, ends = pieces[:, 2], pieces[:, 5]
     return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
 
@@ -344,7 +344,7 @@ def _across(road: Road, borders: list[Profile], s: float) -> Points:
 
 
 def lane_borders(road: Road, longest: float = 5.0) -> list[tuple[int, Points, Points]]:
-    """For every lane of every section its id and its inner and outer border as polylines."""
+    """Return, for every lane of every section, its id and its inner and outer border as polylines."""
     everywhere = stations(road, longest)
     borders = []
     for section in road.sections:

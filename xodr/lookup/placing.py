@@ -1,5 +1,4 @@
-"""From the world to the road for many positions at once: what `RoadNetwork.locate` does for one, in
-numpy.
+"""Location of many world positions at once: `RoadNetwork.locate` in numpy.
 
 Each part of a road is tried for the positions within its bounds. As in `xodr.graph.locate`, the
 nearest surface counts, and where surfaces overlap height, heading and the distance from the lane's

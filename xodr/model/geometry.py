@@ -79,7 +79,7 @@ class Line:
         return self.x + ds * self.cos, self.y + ds * self.sin, self.h
 
     def curvature(self, ds: float) -> float:
-        """Always 0."""
+        """Return 0: a line has no curvature."""
         return 0.0
 
     def knots(self) -> list[float]:

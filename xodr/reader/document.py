@@ -1,5 +1,5 @@
-"""From an OpenDRIVE file to a `RoadNetwork`: header, roads, junctions, controllers, and what refers
-to what."""
+"""Reader of an OpenDRIVE file into a `RoadNetwork`: header, roads, junctions, controllers, and
+their references."""
 
 from __future__ import annotations
 

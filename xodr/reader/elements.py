@@ -166,8 +166,8 @@ def lane_layer(element: etree._Element, name: str = "layer") -> str:
 
 
 def contact_point(element: etree._Element) -> str | None:
-    """Which end of a road a link or connection means: "start", "end" or None where the file does
-    not say."""
+    """End of a road that a link or connection means: "start", "end" or None where the file does not
+    say."""
     contact = element.get("contactPoint")
     if contact not in ("start", "end", None):
         raise invalid(element, f"contactPoint={contact!r} is neither start nor end")

@@ -495,7 +495,7 @@ _Pair = tuple[etree._Element, etree._Element]
 
 
 def _of_split(meeting: SectionMeeting) -> list[_Pair]:
-    """Of lanes here that link several lanes there, all such pairs, as the lanes there see them."""
+    """Pairs of lanes here that link several lanes there, as the lanes there see them."""
     by_lane: dict[etree._Element, list[etree._Element]] = {}
     for lane, other, _ in meeting.links:
         by_lane.setdefault(lane, []).append(other)

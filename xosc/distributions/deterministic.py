@@ -52,7 +52,7 @@ class DistributionSet:
 
     @classmethod
     def read(cls, node: Node) -> DistributionSet:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(tuple(child.get("value") for child in node.children("Element")))
 
@@ -102,7 +102,7 @@ class DistributionRange:
 
     @classmethod
     def read(cls, node: Node) -> DistributionRange:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(Range.read(node.need("Range")), node.finite("stepWidth"))
 
@@ -138,7 +138,7 @@ class DeterministicSingleParameterDistribution:
 
     @classmethod
     def read(cls, node: Node) -> DeterministicSingleParameterDistribution:
-        """From its element."""
+        """Read the element."""
         child = node.only()
         if child.tag not in _SINGLE:
             raise child.invalid("not a deterministic distribution of the standard")
@@ -185,7 +185,7 @@ class DeterministicMultiParameterDistribution:
 
     @classmethod
     def read(cls, node: Node) -> DeterministicMultiParameterDistribution:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(
                 tuple(
@@ -249,7 +249,7 @@ class Deterministic:
 
     @classmethod
     def read(cls, node: Node) -> Deterministic:
-        """From its element."""
+        """Read the element."""
         for child in node.children():
             if child.tag not in _KINDS:
                 raise child.invalid("not a deterministic distribution of the standard")

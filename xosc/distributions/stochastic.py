@@ -94,7 +94,7 @@ class NormalDistribution:
 
     @classmethod
     def read(cls, node: Node) -> Self:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(node.finite("expectedValue"), node.finite("variance"), _optional_range(node))
 
@@ -151,7 +151,7 @@ class UniformDistribution:
 
     @classmethod
     def read(cls, node: Node) -> UniformDistribution:
-        """From its element."""
+        """Read the element."""
         return cls(Range.read(node.need("Range")))
 
     def write(self) -> etree._Element:
@@ -212,7 +212,7 @@ class PoissonDistribution:
 
     @classmethod
     def read(cls, node: Node) -> PoissonDistribution:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(node.finite("expectedValue"), _optional_range(node))
 
@@ -247,7 +247,7 @@ class Histogram:
 
     @classmethod
     def read(cls, node: Node) -> Histogram:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(
                 tuple(
@@ -279,7 +279,7 @@ class ProbabilityDistributionSet:
 
     @classmethod
     def read(cls, node: Node) -> ProbabilityDistributionSet:
-        """From its element."""
+        """Read the element."""
         with located(node):
             return cls(
                 tuple(
@@ -351,7 +351,7 @@ class StochasticDistribution:
 
     @classmethod
     def read(cls, node: Node) -> StochasticDistribution:
-        """From its element."""
+        """Read the element."""
         child = node.only()
         if child.tag not in _KINDS:
             raise child.invalid("not a stochastic distribution of the standard")
@@ -398,7 +398,7 @@ class Stochastic:
 
     @classmethod
     def read(cls, node: Node) -> Stochastic:
-        """From its element."""
+        """Read the element."""
         distributions = tuple(
             StochasticDistribution.read(child) for child in node.children("StochasticDistribution")
         )

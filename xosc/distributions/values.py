@@ -39,7 +39,7 @@ class Range:
 
     @classmethod
     def read(cls, node: Node) -> Range:
-        """From a `Range` element."""
+        """Read a `Range` element."""
         with located(node):
             return cls(node.finite("lowerLimit"), node.finite("upperLimit"))
 
@@ -146,7 +146,7 @@ class UserDefinedDistribution:
 
     @classmethod
     def read(cls, node: Node) -> UserDefinedDistribution:
-        """From its element."""
+        """Read the element."""
         created = cls(node.get("type"), node.text())
         with located(node):
             created.plugin  # noqa: B018 - an unknown type is refused at its line, before anything is varied

@@ -160,7 +160,7 @@ class Node:
         return Node(element, path) if element is not None else None
 
     def need(self, *steps: str) -> Node:
-        """Like `find`, but a missing element is an InvalidFile."""
+        """Return the result of `find`; a missing element is an InvalidFile."""
         found = self.find(*steps)
         if found is None:
             raise self.invalid(f"the element {'/'.join(steps)} is missing")
@@ -174,7 +174,7 @@ class Node:
         return children[0]
 
     def iter(self, *tags: str) -> Iterator[Node]:
-        """This element and its descendants with one of `tags`, in document order."""
+        """Yield the element and its descendants with one of `tags`, in document order."""
         sources: dict[etree._Element, Path] = {}
         for element in self.element.iter(*tags):
             if isinstance(element.tag, str):

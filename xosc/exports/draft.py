@@ -160,7 +160,7 @@ class ExportSettings:
 
     @property
     def resolving(self) -> Resolving:
-        """Of them, what `xosc.resolve` takes."""
+        """Subset of them that `xosc.resolve` takes."""
         return {
             "enforce_constraints": self.enforce_constraints,
             "strict": self.strict,

@@ -303,7 +303,7 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
 
 
 def _held(action: Node, steady: Node, geometry: RoadGeometry) -> tuple[float, float]:
-    """For how far (m) and how long (s) the final speed is held."""
+    """Distance (m) and time (s) for which the final speed is held."""
     final = action.need("FinalSpeed").only()
     speed, relation = final.float("value"), final.get("speedTargetValueType", "")
     if relation:

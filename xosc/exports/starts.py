@@ -217,12 +217,12 @@ class RoadGeometry(Protocol):
         ...
 
     def begins(self, element: Node) -> float | None:
-        """When (s) an element of the storyboard first begins, in a run without a system under test;
-        None where it doesn't."""
+        """Time (s) at which a storyboard element first begins, in a run without a system under
+        test; None where it doesn't."""
         ...
 
     def ends(self, element: Node) -> float | None:
-        """When (s) the step is over in which an element first ends in that run; None where it
+        """Time (s) at the end of the step in which an element first ends in that run; None where it
         doesn't, or others end it."""
         ...
 

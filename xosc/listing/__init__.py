@@ -93,7 +93,7 @@ class Listed:
 
     @property
     def label(self) -> str:
-        """Its class; empty where it has none."""
+        """Class of the scenario; empty where it has none."""
         return str(self.tags.get(CLASS, ""))
 
     def has(self, tag: Tag) -> bool:

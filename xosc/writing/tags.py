@@ -166,7 +166,7 @@ def annotated(document: Document, tags: Sequence[Tag]) -> Document:
 
 
 def _sorted(tags: Sequence[Tag]) -> list[Tag]:
-    """By ontology and type.
+    """Return the tags sorted by ontology and type.
 
     Raises:
         UsageError: a type is there twice.

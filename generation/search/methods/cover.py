@@ -149,7 +149,7 @@ class _Field:
 
     @classmethod
     def of(cls, unit: FloatArray, traffic: FloatArray, settings: CoverSettings) -> _Field:
-        """Nothing is chosen yet."""
+        """Return the state before the first choice."""
         reach = float(np.sqrt(unit.shape[1]))
         near = cdist(unit, traffic) < settings.radius * reach
         return cls(unit, traffic, near, settings.least * reach, np.ones(len(unit), bool))

@@ -149,11 +149,11 @@ class Bins(NamedTuple):
 
     @property
     def width(self) -> Tensor:
-        """Of the bins (d,)."""
+        """Widths of the bins (d,)."""
         return (self.high - self.low) / self.number
 
     def centres(self, step: int) -> Tensor:
-        """Of the bins (number,) of a parameter."""
+        """Centres of the bins (number,) of a parameter."""
         return self.low[step] + (torch.arange(self.number) + 0.5) * self.width[step]
 
     def holding(self, step: int, edits: Tensor) -> Tensor:

@@ -68,8 +68,8 @@ collision"""
 
 
 def nearness(outcomes: Outcomes) -> FloatArray:
-    """By both margins, least clearance and greatest DRAC (n,), 0 to below 1; 0 where no run took
-    place."""
+    """Nearness to a failure by both margins, least clearance and greatest DRAC (n,), 0 to below 1;
+    0 where no run took place."""
     near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(
         outcomes.max_drac / _HARD, 1.0
     )

@@ -85,8 +85,8 @@ _JUNCTIONS = {
 
 
 def _course(origin: str, target: str, lane: int = 1) -> Course:
-    """From an arm to another one, each in its lane of this number, counted from the middle of the
-    road."""
+    """Route from an arm to another one, each in its lane of this number, counted from the middle of
+    the road."""
     return Course(LaneId(origin, lane), LaneId(target, -lane))
 
 
@@ -314,8 +314,8 @@ class EncounterScenario:
         return [*routes, (EGO, maneuvers.reference(roads.MANEUVER, "change_speed", assigned))]
 
     def _stop(self) -> Conditions:
-        """At a collision of the ego, or when both should have been where their ways meet for a
-        while."""
+        """Stop trigger: a collision of the ego, or some time after both should have been where
+        their ways meet."""
         other = self.encounter.other
         end = f"${{${_ARRIVAL} + max(${other}_ArrivalGap_s, 0) + {_AFTER}}}"
         return [[maneuvers.collision(EGO, other)], [maneuvers.simulation_time(end)]]

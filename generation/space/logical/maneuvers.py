@@ -337,7 +337,7 @@ class ManeuverScenario:
         return [roads.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
     def _start(self) -> list[TriggerCondition]:
-        """When the time is over and the gap reached.
+        """Start trigger: the time is over and the gap reached.
 
         A change of speed with a jerk begins earlier, by half the time in which its acceleration
         builds up: so it is about where the one without would be.
@@ -356,6 +356,6 @@ class ManeuverScenario:
         ]
 
     def _stop(self) -> Conditions:
-        """At a collision of the ego, or at the scene's end."""
+        """Stop trigger: a collision of the ego, or the scene's end."""
         collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
         return [*collisions, *storyboard.ends(f"{self.maneuver.actor} changes", self._roles)]

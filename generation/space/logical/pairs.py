@@ -294,7 +294,7 @@ class PairScenario:
         return maneuvers.maneuver(f"{actor} maneuver", events)
 
     def _stop(self) -> Conditions:
-        """At a collision of the ego, or some time after both manoeuvres."""
+        """Stop trigger: a collision of the ego, or some time after both manoeuvres."""
         parts = self.pair.parts
         ends = [f"{self._begin(part)} + {self._terms[part.actor]['duration']}" for part in parts]
         last = parts[-1] if parts[-1].actor != self.without else parts[0]
@@ -352,7 +352,8 @@ class PairUnits(ABC):
 
     @property
     def exposure(self) -> Mapping[str, Exposure]:
-        """Of all recordings that pairs were sought in, by their names; none where it is not known."""
+        """Exposure of all recordings in which pairs were sought, by their names; none where it is
+        not known."""
         return self.every.exposure
 
     @property
@@ -363,7 +364,7 @@ class PairUnits(ABC):
     @property
     @abstractmethod
     def recordings(self) -> NDArray[np.str_]:
-        """Of each pair (n,)."""
+        """Recording of each pair (n,)."""
 
     @property
     @abstractmethod
@@ -425,7 +426,7 @@ class AheadUnits(PairUnits):
 
     @property
     def recordings(self) -> NDArray[np.str_]:
-        """Of each pair (n,)."""
+        """Recording of each pair (n,)."""
         return self.units.first.recordings
 
     @property
@@ -508,7 +509,7 @@ class BehindUnits(PairUnits):
 
     @property
     def recordings(self) -> NDArray[np.str_]:
-        """Of each pair (n,)."""
+        """Recording of each pair (n,)."""
         return self.units.units.recordings
 
     @property
@@ -530,7 +531,8 @@ class BehindUnits(PairUnits):
         }
 
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
-        """Everywhere: one is ahead of the ego, the other one behind."""
+        """Mask of rows in which one adversary is ahead of the ego and the other one behind: here
+        all."""
         return np.ones(len(values[f"{EGO}_Speed_mps"]), bool)
 
 

@@ -43,7 +43,7 @@ class LibraryRoad:
 
     @property
     def tags(self) -> list[Tag]:
-        """Its tags."""
+        """Tags of scenarios on the road."""
         return [
             *(Tag(kind, None, ASAM) for kind in self.types),
             Tag("RoadGeometry", self.description),

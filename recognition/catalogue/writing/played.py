@@ -37,7 +37,7 @@ class Trial(NamedTuple):
 
     @classmethod
     def of(cls, file: str, maneuver: str | None, scene: Excerpt) -> Trial:
-        """Of the files of a scene."""
+        """Trial of the files of a scene."""
         named = {part.name: part.track.name for part in scene.parts}
         return cls(file, maneuver, scene.start, scene.end, named)
 

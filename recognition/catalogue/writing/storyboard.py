@@ -40,8 +40,8 @@ RANGES = {parameter.name: (parameter.low, parameter.high) for parameter in PARAM
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
-"""When a manoeuvre begins: at the start time, or sooner where that is longer than everyone can keep
-a speed until then"""
+"""Begin of a manoeuvre: the start time, or an earlier one where some entity could not keep its speed
+until then"""
 TRIGGER_GAP = "TriggerGap_m"
 """The longest gap at which the manoeuvre begins"""
 
@@ -183,7 +183,7 @@ _PATIENCE = 10.0
 
 
 def started(delay: str) -> TriggerCondition:
-    """That the time until the manoeuvre is over.
+    """Condition: the time until the manoeuvre is over.
 
     Args:
         delay: the time, s; a parameter, or an expression in ${ }.
@@ -192,7 +192,7 @@ def started(delay: str) -> TriggerCondition:
 
 
 def gap_reached(follower: str, leader: str, gap: str) -> TriggerCondition:
-    """That the gap between two is no longer than one (m), along the lane."""
+    """Condition: the gap between two entities is at most one (m), along the lane."""
     return maneuvers.relative_distance(follower, leader, gap, "lessOrEqual", coordinates="lane")
 
 
@@ -243,7 +243,7 @@ def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
 
 
 def changed(change: str, after: str) -> TriggerCondition:
-    """That an event has been complete for a time.
+    """Condition: an event has been complete for a time.
 
     Args:
         change: its name. after: the time, s; a parameter, or an expression in ${ }.
@@ -343,7 +343,8 @@ def _ego(maneuver: RecordedManeuver, followed: Paths) -> list[Any]:
 
 
 def _on_way(way: Any, station: str, speed: str, *, follow: bool) -> list[Any]:
-    """At a distance (m) from the beginning of a recorded way, which is followed from there or not."""
+    """Actions that put a vehicle at a distance (m) from the beginning of a recorded way, which is
+    followed from there or not."""
     reference, start = maneuvers.reference("TrajectoryCatalog", way.name), f"${{{station}}}"
     actions = [
         maneuvers.teleport(maneuvers.trajectory_position(reference, start)),

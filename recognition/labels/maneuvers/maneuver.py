@@ -134,12 +134,12 @@ class RecordedManeuver:
 
     @property
     def start(self) -> float:
-        """When the scene starts, in the recording, s."""
+        """Start of the scene in the recording, s."""
         return self.begin - self.delay
 
     @property
     def end(self) -> float:
-        """When the scene ends, in the recording, s."""
+        """End of the scene in the recording, s."""
         return self.begin + self.values.duration + self.values.rest_time
 
 

@@ -268,7 +268,7 @@ class Samples:
     exposure: Mapping[str, Exposure] = field(default_factory=dict)
 
     def where(self, chosen: IntArray) -> Samples:
-        """Some of them, by index; the exposure stays that of all recordings."""
+        """Return a subset of the units, by index; the exposure stays that of all recordings."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
 
     def of_kind(self, *kinds: str) -> Samples:

@@ -158,7 +158,7 @@ def _left_out(element: etree._Element, reason: str) -> Exclusion:
 
 
 def _unusable(element: etree._Element, role: str) -> str | None:
-    """Why an obstacle is left out; None where it is not."""
+    """Reason for which an obstacle is left out; None where it is not."""
     if role not in ("static", "dynamic"):
         return f"an obstacle of role {role!r} has no way of its own"
     if element.find("occupancySet") is not None:

@@ -107,7 +107,7 @@ class Observations(NamedTuple):
 
     @property
     def joined(self) -> FloatArray:
-        """For each interval between rows: 1, or 0 where a track ends (n - 1,)."""
+        """1 for each interval between rows of one track, 0 where a track ends (n - 1,)."""
         joined = np.ones(len(self.time) - 1)
         joined[self.starts[1:-1] - 1] = 0.0
         return joined
@@ -118,7 +118,7 @@ class Observations(NamedTuple):
         return np.where(self.joined > 0.0, np.diff(self.time), 1.0)
 
     def part(self, first: int, last: int) -> Observations:
-        """Some of the tracks, from `first` to before `last`."""
+        """Subset of the tracks, from `first` to before `last`."""
         rows = slice(int(self.starts[first]), int(self.starts[last]))
         columns = ("time", "x", "y", "h", "speed", "trusted", "off", "facing", "behind")
         cut = {name: getattr(self, name)[rows] for name in columns}

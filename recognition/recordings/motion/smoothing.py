@@ -89,7 +89,7 @@ def _of(
 
 
 def without(rows: Rows, found: Sequence[Edge]) -> BoolArray:
-    """Which rows are not at such an end (n,)."""
+    """Mask of rows that are not at such an end (n,)."""
     kept = np.ones(len(rows), bool)
     for edge in found:
         kept[edge.rows] = False

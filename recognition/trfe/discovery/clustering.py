@@ -104,7 +104,7 @@ def consistency_weight(epoch: int, config: Clustering) -> float:
 
 
 def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pairs:
-    """Which pairs are alike and which are different by S (n, n), with the quantiles of the
+    """Masks of pairs that are alike and of pairs that differ by S (n, n), with the quantiles of the
     settings."""
     low, high = np.quantile(
         similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive]

@@ -189,8 +189,8 @@ _OFF_DIAGONAL = 5e-3
 
 
 class FrameOrder(nn.Module):
-    """Which permutation of the frames a window was shown in: cross-entropy over all of them (Misra
-    et al., ECCV 2016)."""
+    """Task: name the permutation of a window's frames, by cross-entropy over all of them (Misra et
+    al., ECCV 2016)."""
 
     def __init__(self, encoder: GridEncoder) -> None:
         super().__init__()

@@ -146,7 +146,8 @@ def _blocks(standard: Features) -> list[Features]:
 
 
 def _distances(standard: Features, references: Features, members: Sequence[IntArray]) -> Features:
-    """As of `Neighbours.distances`: |a - b|² as |a|² + |b|² - 2ab, one product for all references.
+    """Distances of `Neighbours.distances`: |a - b|² as |a|² + |b|² - 2ab, one product for all
+    references.
 
     What is nearest by the product is measured again by differences, so that a reference is at
     distance 0 from itself.

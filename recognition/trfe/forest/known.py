@@ -123,7 +123,7 @@ class Labelled(NamedTuple):
         return self._replace(features=config.recognising(self.features))
 
     def joined(self, other: Labelled) -> Labelled:
-        """These samples and others."""
+        """Samples of this set and of others."""
         return Labelled(
             np.concatenate([self.features, other.features]),
             np.concatenate([self.labels, other.labels]),

@@ -549,8 +549,8 @@ def _thinned(found: Sequence[TrainingMoment], most: int | None) -> list[Training
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """Within, torch is seeded and has one thread: small layers lose more by handing out work than
-    more threads bring."""
+    """Context manager in which torch is seeded and has one thread: small layers lose more by
+    handing out work than more threads bring."""
     import torch  # windows are read where no model is
 
     threads = torch.get_num_threads()

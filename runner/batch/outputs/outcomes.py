@@ -64,7 +64,7 @@ def outcome_of(
 
 
 def _reasons(result: RunResult) -> Iterator[str]:
-    """Why the verdict is a failure, and how far the system could see; or why it is inconclusive."""
+    """Reasons for a failure, with the range of the system's sensors, or for an inconclusive run."""
     yield from shown(result.verdict.reasons)
     if result.verdict.failures and SENSOR_RANGE in result.sut_parameters:
         yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"

@@ -276,7 +276,7 @@ def _title(outcome: Outcome) -> str:
 
 
 def _cause(outcome: Outcome) -> str:
-    """Why a run failed, without the numbers and the file in which failures of one kind differ."""
+    """Cause of a failure, without the numbers and the file in which failures of one kind differ."""
     first = outcome.message.partition("; ")[0]
     return _NUMBER.sub(
         "…",

@@ -21,7 +21,7 @@ _EPSILON = 1e-9
 
 
 class Waiting(Running):
-    """Something that takes time and does nothing else."""
+    """Action in execution that takes time and does nothing else."""
 
     __slots__ = ("_left",)
 

@@ -122,7 +122,7 @@ class TeleportAction(PrivateAction):
 
     @property
     def places(self) -> bool:
-        """It does."""
+        """Return true: the action places the entity."""
         return True
 
     def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
@@ -245,7 +245,7 @@ class DisconnectTrailerAction(PrivateAction):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> DisconnectTrailerAction:
-        """Nothing to read."""
+        """Build the action; its element has no attributes."""
         return cls(node)
 
     def start(self, actor: Entity, run: Run) -> None:

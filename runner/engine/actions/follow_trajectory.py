@@ -152,7 +152,7 @@ class FollowTrajectoryAction(PrivateAction):
         return not self.follow
 
     def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
-        """Wherever the trajectory leads."""
+        """The actor, without a position: the trajectory leads anywhere."""
         return [(actor, None)]
 
     def claims(self) -> tuple[str, ...]:
@@ -274,7 +274,7 @@ def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> N
 
 
 class Pace:
-    """When a follower is where on its path, in times of the simulation.
+    """Station of a follower on its path, by times of the simulation.
 
     An entity that a system under test has slowed down goes on by the times of the place where it
     is.
@@ -372,7 +372,7 @@ class _Waiting(Running):
         return self.following.step(dt)
 
     def rest(self) -> Rest | None:
-        """As the follower; a trajectory that has not begun is a remark of its own."""
+        """Return the rest of the follower; a trajectory that has not begun is a remark of its own."""
         if self.put:
             return self.following.rest()
         text = (

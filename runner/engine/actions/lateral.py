@@ -349,7 +349,7 @@ def _begin(running: _LateralTransition, extent: float, actor: Entity, run: Run) 
 
 
 class _LateralTransition(Running):
-    """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m).
+    """Motion to a lateral goal along a shape, over time (s) or over the distance travelled (m).
 
     Where the lane bound for does not go on, as at a junction, the entity is on another lane from
     there on: it goes on to the goal in that one, gently (`Easing`).
@@ -584,5 +584,5 @@ class _GoalKeeping(Running):
         return False
 
     def stop(self) -> None:
-        """As after any lateral motion."""
+        """Stop the motion and leave the entity where it is, as after any lateral motion."""
         self._transition.stop()

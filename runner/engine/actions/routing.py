@@ -128,7 +128,7 @@ class RandomRouteAction(PrivateAction):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RandomRouteAction:
-        """Nothing to read."""
+        """Build the action; its element has no attributes."""
         context.need_network(node)
         return cls()
 
@@ -154,7 +154,7 @@ class PreferredLaneLayerAction(PrivateAction):
         return cls(node.choice("layer", LAYERS))
 
     def start(self, actor: Entity, run: Run) -> None:
-        """From now on."""
+        """Prefer the layer from now on."""
         run.roads.prefer(actor, self.layer)
         run.note("preferredLaneLayer", actor.name, self.layer)
 
@@ -209,14 +209,14 @@ class AcquirePositionAction(PrivateAction):
 
 
 class _Acquiring(Running):
-    """On the way to a position."""
+    """Drive to a position along a route to it."""
 
     def __init__(self, actor: Entity, run: Run, route: AssignedRoute, there: RoadPoint) -> None:
         self.actor, self.run, self.route, self._there = actor, run, route, there
         self.length = route.path.length
 
     def step(self, dt: float) -> bool:
-        """Nothing to do but to see whether this step leads to the end of the route."""
+        """Return whether this step leads to the end of the route."""
         if self.actor.controls.route is not self.route:
             return True
         point = self.run.roads.road_point(self.actor)

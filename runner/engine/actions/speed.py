@@ -231,7 +231,7 @@ class _AtOnce(Running):
         self._actor, self._goal = actor, goal
 
     def step(self, dt: float) -> bool:
-        """It is done."""
+        """Return true: the speed was set at the start."""
         return True
 
     def rest(self) -> Rest:
@@ -261,7 +261,7 @@ def demanded_speed(actor: Entity) -> float:
 
 
 class _SpeedTransition(Running):
-    """On the way to a target speed along a shape."""
+    """Change to a target speed along a shape."""
 
     __slots__ = (
         "_actor",
@@ -322,7 +322,7 @@ class _Hold(Running):
 
 
 class _Tracking(Running):
-    """Towards, and then at, a speed that follows another entity's.
+    """Change to a speed that follows another entity's, which is then kept.
 
     With a rate, the demand moves by at most that rate; with a time or distance, the shape blends
     into the moving target, which is then kept: exactly, or with followingMode `follow` as far as

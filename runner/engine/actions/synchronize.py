@@ -184,8 +184,7 @@ def _lap(entity: Entity, target: Placement, left: float, run: Run) -> float:
 
 
 class _Synchronisation(Running):
-    """Under way to the target; while there is no way to one (an entity has left its road, say), the
-    speed stays."""
+    """Drive to the target; the speed stays while no way leads there, as for an entity off its road."""
 
     __slots__ = ("_action", "_actor", "_left", "_master_way", "_own_way", "_run")
 

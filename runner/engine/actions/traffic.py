@@ -330,13 +330,13 @@ class _Swarm(_Population):
         return Ellipse(x, y, centre.h, action.major, action.minor)
 
     def places(self) -> list[Place]:
-        """In the ellipse, outside the circle."""
+        """Places in the ellipse, outside the circle."""
         action, centre = self.action, self.action.central
         inner = Ellipse(centre.x, centre.y, 0.0, action.inner, action.inner)
         return [place for place in super().places() if not inner.contains(place.x, place.y)]
 
     def candidates(self, places: list[Place]) -> list[Place]:
-        """In one direction of travel, drawn by the shares where they are given."""
+        """Places in one direction of travel, drawn by the shares where they are given."""
         if self.action.same is None:
             return places
         same = self.run.random.random() < self.action.same
@@ -345,7 +345,7 @@ class _Swarm(_Population):
         ]
 
     def speed(self, place: Place) -> float:
-        """In the range given."""
+        """Speed drawn from the given range."""
         limits = self.action.speeds
         return place.speed if limits is None else self.run.random.uniform(*limits)
 
@@ -400,7 +400,7 @@ class _Area(_Population):
         return self._region
 
     def places(self) -> list[Place]:
-        """Always the same."""
+        """Places, which stay the same."""
         if self._places is None:
             self._places = super().places()
         return self._places

@@ -96,7 +96,7 @@ class ArrayRun(Protocol):
 
     @property
     def entities(self) -> Mapping[str, EntityRows]:
-        """Everyone by name."""
+        """All entities by name."""
         ...
 
     def own(self, part: _Part) -> _Part:

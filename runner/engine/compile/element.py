@@ -167,7 +167,7 @@ class VaryingPosition(Position):
     def stations(
         self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
-        """As the position says whose attributes vary; nothing where those of inner elements do."""
+        """Stations by the position whose attributes vary; none where those of inner elements do."""
         found = self._rebuilt.attributes(self.node)
         if found is None:
             return None
@@ -197,7 +197,7 @@ class Dormancy(NamedTuple):
     undisturbed: bool = False
 
     def both(self, other: Dormancy) -> Dormancy:
-        """Until when both values stay."""
+        """Return the time until which both values stay."""
         return Dormancy(
             min(self.time, other.time),
             min(self.way, other.way),
@@ -234,7 +234,7 @@ class Condition(ABC):
         return
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until when the expression keeps its present value; by default only now."""
+        """Return the time until which the expression keeps its present value; by default now."""
         return AWAKE
 
     @abstractmethod
@@ -270,7 +270,8 @@ class EntityCondition(ABC):
         return
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
-        """Until when the expression keeps its present value for this entity; by default only now."""
+        """Return the time until which the expression keeps its value for this entity; by default
+        now."""
         return AWAKE
 
     @abstractmethod
@@ -326,7 +327,7 @@ class ByEntityCondition(Condition):
         self.condition.measure_from(self.entities)
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until the value for a present entity can change, or another one is present."""
+        """Return the time until which no value of a present entity changes; one that appears ends it."""
         found = Dormancy()
         for entity in self.entities:
             if entity.active:
@@ -485,12 +486,12 @@ class VaryingAction(PrivateAction):
 
     @property
     def places(self) -> bool:
-        """As in the first set."""
+        """Return it as in the first set."""
         return self._first.places
 
     @property
     def activates_controller(self) -> bool:
-        """As in the first set."""
+        """Return it as in the first set."""
         return self._first.activates_controller
 
     def steps_in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArraySteps | None:

@@ -46,7 +46,7 @@ class Instant(Surroundings, Protocol):
 
     @property
     def entities(self) -> Entities:
-        """Everyone by name, traffic included."""
+        """All entities by name, traffic included."""
         ...
 
     @property
@@ -242,7 +242,8 @@ class StoryboardElement(Protocol):
 
     @property
     def kind(self) -> str:
-        """Which of these it is, as the standard's StoryboardElementType says it."""
+        """Kind of the element: story, act, maneuver group, maneuver, event or action
+        (StoryboardElementType)."""
         ...
 
     @property

@@ -1,4 +1,5 @@
-"""Which class executes which OpenSCENARIO element: one table per family, nothing skipped in silence; and the context of building.
+"""Classes that execute OpenSCENARIO elements, one table per family, nothing skipped in silence; and
+the context of building.
 
 A family's classes announce themselves with `@action("SpeedAction")`, `@condition("SpeedCondition")`
 or `@position("LanePosition")`, each in a module of the family's folder. Where the standard uses one

@@ -84,8 +84,8 @@ class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
-        """Until the entity, if it stands from now on, has stood for the duration; a trailer has
-        what its tractor has."""
+        """Return the time at which the entity, if it stands from now on, has stood for the
+        duration; a trailer has what its tractor has."""
         if entity.controls.tractor is not None or self._lasted(entity.standstill):
             return AWAKE
         left = self.duration - entity.standstill - 2.0 * TOLERANCE
@@ -130,7 +130,7 @@ class OffroadCondition(_Lasting):
         return self
 
     def reset(self) -> None:
-        """Everyone is on the road."""
+        """Forget how long each entity has been off the road."""
         self._since.clear()
 
     def _observe(self, entities: list[Entity], run: Instant) -> None:
@@ -180,7 +180,7 @@ class CollisionCondition(EntityCondition):
         )
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
-        """Until the set of contacts changes."""
+        """Return the time until which the set of contacts is unchanged."""
         return UNDISTURBED
 
     def holds(self, entity: Entity, run: Instant) -> bool:

@@ -57,7 +57,7 @@ class SimulationTimeCondition(Condition):
         return cls(Comparison.from_xml(node, "s"))
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until it is true; then it stays so."""
+        """Return the time at which the condition becomes true; then it stays so."""
         if not self.stays_true:
             return AWAKE
         begin = self._since + self.comparison.value - 2.0 * TOLERANCE
@@ -253,7 +253,7 @@ class VariableCondition(_NamedValueCondition):
         return cls(*_declared(node, "variableRef", context.document.variables, context))
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until an action sets it."""
+        """Return a rest without a limit: an action that sets the variable wakes the condition."""
         return UNDISTURBED
 
     def value(self, run: Instant) -> Value | None:
@@ -377,7 +377,7 @@ class StoryboardElementStateCondition(Condition):
         return self
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """From the first step on, until something happens."""
+        """Return a rest without a limit from the first step on: a change of state ends it."""
         return UNDISTURBED if run.step_index > 0 else AWAKE
 
     def evaluate(self, run: Instant) -> bool:

@@ -336,33 +336,33 @@ class RandomRoute:
         self.rng = rng
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
-        """Any of the ways on."""
+        """Choose one of the ways on at random."""
         return self.rng.choice(links) if links else None
 
     def foresee(
         self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]
     ) -> LaneLink | None:
-        """Nothing: it is decided at the junction."""
+        """Return nothing: the way is chosen at the junction."""
         return None
 
     def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
-        """Its own."""
+        """Return the lane that it keeps, without a limit of distance."""
         return entity.kept_lane, math.inf
 
     def waits(self, entity: Entity, lane: int, way: float) -> bool:
-        """Never: it changes no lanes."""
+        """Return false: it changes no lanes."""
         return False
 
     def settled(self, entity: Entity, forward: bool) -> float:
-        """For good."""
+        """Return infinity in the direction of travel: no change of lanes is needed."""
         return math.inf if forward else -math.inf
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
-        """Any lane does."""
+        """Return whether there is a way on, which any lane leads to."""
         return bool(links)
 
     def enter(self, road_id: str, forward: bool) -> None:
-        """Nothing to remember."""
+        """Do nothing: no route is kept."""
 
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
         """Unknown."""

@@ -1,4 +1,4 @@
-"""When a follower is where on its path: vertices of (time, s), and the speed between them.
+"""Schedules of followers: vertices of (time, station on the path), and the speed between them.
 
 The standard gives times at vertices and does not say how one moves between them; with times, a
 trajectory "completely specifies the motion of the entity, including its speed" (OpenSCENARIO XML
@@ -33,8 +33,8 @@ _FINE = 0.25
 
 
 class PathPiece(NamedTuple):
-    """From a time (s) and station (m) on: a speed (m/s) that changes by a constant acceleration
-    (m/s²)."""
+    """Motion from a time (s) and station (m) on: a speed (m/s) that changes by a constant
+    acceleration (m/s²)."""
 
     time: float
     station: float
@@ -51,7 +51,8 @@ class VertexMotion(NamedTuple):
 
 
 class Schedule:
-    """When a follower is where on its path; before the first and after the last vertex it stands.
+    """Stations of a follower on its path by time; it stands before the first and after the last
+    vertex.
 
     Args:
         times: of the vertices in seconds, not decreasing.

@@ -445,7 +445,7 @@ class Trajectory:
         return self.fixed or self._build(run, actor)
 
     def timetable(self, track: TimedPath, scale: float) -> Timetable:
-        """When a follower is to be where on a track of this trajectory.
+        """Return the schedule of a follower on a track of this trajectory.
 
         Args:
             scale: what the times are multiplied by when they are used.

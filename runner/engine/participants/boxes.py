@@ -22,8 +22,8 @@ _TOUCHING = 1e-9
 
 
 class Boxed(Protocol):
-    """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about
-    them: an entity."""
+    """Protocol of an entity's shape: reference point (x, y, z in m), heading h (rad), bounding box
+    about them."""
 
     @property
     def x(self) -> float: ...
@@ -202,8 +202,8 @@ def entry(seen: Outlook, a: BoundingBox, b: BoundingBox, vx: float, vy: float) -
 
 
 class Moved(Boxed, Protocol):
-    """Something boxed with its pitch (rad, downwards positive), its velocity over ground (m/s) and
-    its turn (rad) in the last step."""
+    """Protocol of a moving box: pitch (rad, downwards positive), velocity over ground (m/s) and
+    turn (rad) in the last step."""
 
     @property
     def pitch(self) -> float: ...

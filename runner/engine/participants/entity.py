@@ -112,7 +112,7 @@ class Owner(Protocol):
     """Owner of a control domain of an entity: an action in execution."""
 
     def override(self, reason: str) -> None:
-        """Something newer takes the domain: the action ends for this entity."""
+        """End the action for this entity: a newer action takes the domain."""
         ...
 
 

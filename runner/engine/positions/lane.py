@@ -301,7 +301,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
     def stations(
         self, run: ArrayRun, first: int, varying: Mapping[str, FloatArray]
     ) -> FloatArray | None:
-        """From an entity's s by ds or dsLane, on the straight stretch of its lane."""
+        """Stations ds or dsLane from an entity's s, on the straight stretch of its lane."""
         name = "dsLane" if self.ds is None else "ds"
         entity = run.entities[self.entity.name]
         if not varying.keys() <= {name} or not entity.straight[first]:

@@ -63,11 +63,11 @@ class ArrayObserver(Protocol):
         ...
 
     def correct(self, run: ArraySimulation, put: Mapping[str, BoolArray]) -> None:
-        """At the last instant, entities were already where they are now, in some runs (n,)."""
+        """Replace the places of the last instant by those of now, in some runs (n,)."""
         ...
 
     def end(self, run: ArraySimulation, ended: BoolArray) -> None:
-        """Some of the runs (n,) are over."""
+        """Note that some of the runs (n,) are over."""
         ...
 
 
@@ -82,7 +82,7 @@ class Single:
 
     @property
     def entities(self) -> Entities:
-        """Everyone by name, as they are in the run whose entity was loaded last."""
+        """All entities by name, in the state of the run whose entity was loaded last."""
         # Only the entity at work is loaded for a row; actions that look at others need all of that
         # row.
         loaded = self._run.loaded

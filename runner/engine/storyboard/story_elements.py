@@ -172,7 +172,7 @@ class Process:
         self.domains = domains
 
     def override(self, reason: str) -> None:
-        """Something newer takes one of the control domains: the action ends for this actor."""
+        """End the action for this actor: a newer action takes one of the control domains."""
         self.element.override(self.run, self, reason)
 
     def release(self) -> None:
@@ -318,7 +318,7 @@ class ActionElement(Element):
         super().stop(run, reason)
 
     def reset(self) -> None:
-        """Nothing is in execution."""
+        """Drop all actions in execution."""
         super().reset()
         self._processes.clear()
 

@@ -356,8 +356,7 @@ class Storyboard:
             self._acts.add(self._places[act], act, act.trigger)
 
     def changed(self, element: Element) -> None:
-        """To be called when an element has changed its state: it may wait for a trigger from now
-        on."""
+        """Note that an element has changed its state: it may wait for a trigger from now on."""
         self._until = -math.inf
         # Any change of state may end the waiting of elements below it.
         self._acts.stale = self._events.stale = True

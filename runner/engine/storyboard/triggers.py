@@ -153,7 +153,7 @@ class TimedCondition:
         return past and not any(rose for _, rose in self._history)
 
     def describe(self, run: Instant) -> str:
-        """Why it fired: name, expression with values, edge and delay."""
+        """Reason for which it fired: name, expression with values, edge and delay."""
         text = self.condition.describe(run)
         if self.edge != "none":
             text += f" ({self.edge})"
@@ -262,8 +262,8 @@ class Trigger:
         return True
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until when it does not fire, and its conditions need not be evaluated; asked after it has
-        not fired."""
+        """Return the time until which the trigger does not fire, and its conditions need not be
+        evaluated; asked after it has not fired."""
         until = Dormancy()
         for group in self.groups:
             remembering = [condition for condition in group if condition.keeps_memory]
@@ -461,5 +461,5 @@ class OneShotCondition(TimedCondition):
         return bool(self._reason)
 
     def describe(self, run: Instant) -> str:
-        """Why and when it has become true; the expression with the values of now before that."""
+        """Reason and time at which it has become true; the expression with the values of now before that."""
         return self._reason or super().describe(run)

@@ -108,14 +108,14 @@ class KinematicWorld:
     name = "kinematic"
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
-        """Nothing to load."""
+        """Do nothing: there is no simulator to load."""
         return ""
 
     def add(self, entity: Entity) -> None:
-        """Nothing to add."""
+        """Do nothing: entities have no copy."""
 
     def remove(self, entity: Entity) -> None:
-        """Nothing to remove."""
+        """Do nothing: entities have no copy."""
 
     def drive(self, entity: Entity) -> bool:
         """Refused: there is no driver here."""
@@ -124,7 +124,7 @@ class KinematicWorld:
         )
 
     def release(self, entity: Entity) -> None:
-        """Nothing to release."""
+        """Do nothing: entities have no copy."""
 
     def ask(self, entity: Entity, request: DriverRequest) -> None:
         """No one is driven here."""
@@ -147,7 +147,7 @@ class KinematicWorld:
         return None
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing: there is nothing to free."""
 
 
 class RehearsalWorld(KinematicWorld):

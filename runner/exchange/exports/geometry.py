@@ -96,8 +96,8 @@ class RunnerGeometry:
         return recording, scenario.storyboard.elements()
 
     def _first_time(self, node: Node, transition: Transition) -> float | None:
-        """When (s) the innermost element of the storyboard around a node first makes a transition;
-        names may be used twice."""
+        """Time (s) at which the innermost storyboard element around a node first makes a
+        transition; names may be used twice."""
         around = (
             self._numbers.get(element) for element in (node.element, *node.element.iterancestors())
         )
@@ -113,12 +113,12 @@ class RunnerGeometry:
         }
 
     def begins(self, element: Node) -> float | None:
-        """When (s) an element of the storyboard first begins, in a run without a system under test;
-        None where it doesn't."""
+        """Time (s) at which a storyboard element first begins, in a run without a system under
+        test; None where it doesn't."""
         return self._first_time(element, Transition.START)
 
     def ends(self, element: Node) -> float | None:
-        """When (s) the step is over in which an element first ends in that run; None where it
+        """Time (s) at the end of the step in which an element first ends in that run; None where it
         doesn't, or others end it."""
         time = self._first_time(element, Transition.END)
         return time + self._settings.timestep if time is not None else None

@@ -132,8 +132,8 @@ class LogicalLanes:
             getattr(message, field).MergeFrom(getattr(self._messages, field))
 
     def assignments(self, track: Track) -> list[tuple[int, float, float, float] | None]:
-        """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to
-        it (rad); None off lanes."""
+        """Lane of the middle of a participant's box at each row: its id, s and t (m), angle to it
+        (rad); None off lanes."""
         assigned: list[tuple[int, float, float, float] | None] = []
         hint = None
         heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()

@@ -276,7 +276,7 @@ def _vector(value: Any) -> tuple[float, float, float]:
 
 
 def _surroundings(each: _TraceObject) -> str | None:
-    """Why an object is no participant; None where it is one."""
+    """Reason for which an object is no participant; None where it is one."""
     if not each.stationary or any(one.type == SCENARIO for one in each.first.source_reference):
         return None
     kind = _enum(each.first.classification, "type")

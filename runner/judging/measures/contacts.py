@@ -98,7 +98,7 @@ def _instants(time: FloatArray, step: float, who: IntArray) -> tuple[IntArray, I
 
 
 class _Bounds(NamedTuple):
-    """Of footprints along one axis, m: their middles, and half of what they cover."""
+    """Intervals that footprints cover along one axis (m): middles and half lengths."""
 
     middle: FloatArray
     half: FloatArray

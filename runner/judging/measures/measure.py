@@ -339,7 +339,7 @@ class Limit:
         return 1.0 if name in EVENTS else measures()[name].defined(criticality)
 
     def reason(self, facts: Facts) -> str:
-        """Why a run fails by it; empty where it does not."""
+        """Reason for which a run fails by the limit; empty where it does not."""
         if self.name == "timeout":
             return (
                 f"{self.text}: the time limit came first, at {facts.end_time:.2f} s"

@@ -71,7 +71,7 @@ class MotionRows:
 
     @classmethod
     def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> MotionRows:
-        """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
+        """Motion from the columns of a trajectory table (`runner.recording.COLUMNS`)."""
         values: dict[str, Any] = {
             key: np.asarray(columns[key], dtype=np.float64)
             for key in ("time", "x", "y", "z", "h", "speed", "s", "t")
@@ -274,8 +274,8 @@ def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Float
 
 
 def on_road_view(ego: _OnRoad, other: _OnRoad) -> View:
-    """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the
-    road."""
+    """View in road coordinates, turned into the ego's direction; boxes are taken as aligned with
+    the road."""
     (a, side, drift), (b, other_side, other_drift) = ego, other
     low_a, high_a, right_a, left_a = _extent(a, side)
     low_b, high_b, right_b, left_b = _extent(b, other_side)

@@ -139,7 +139,7 @@ class _RelativeMotion(NamedTuple):
     half: tuple[FloatArray, FloatArray]
 
     def energy(self, parameters: FieldParameters) -> FloatArray:
-        """Of a crash now, kJ."""
+        """Energy of a crash now, kJ."""
         vx, vy = self.velocity
         energy: FloatArray = 0.5 * parameters.mass * parameters.share**2 * (vx**2 + vy**2) / 1000.0
         return energy

@@ -336,7 +336,7 @@ def _relation(
 
 
 def _picked(motion: MotionRows, at: tuple[IntArray, ...]) -> MotionRows:
-    """Some of the instants (c, k) of a participant, in a row (m,)."""
+    """Subset of the instants (c, k) of a participant, in a row (m,)."""
     return replace(motion, **{name: getattr(motion, name)[at] for name in ("time", "road", *FRAME)})
 
 

@@ -44,7 +44,7 @@ class Segment:
 
     @property
     def steps(self) -> IntArray:
-        """Their steps (c,)."""
+        """Numbers of its time steps (c,)."""
         return np.arange(self.first, self.first + self.count)
 
 
@@ -153,7 +153,7 @@ class RoadMotion:
         return turns, jumps
 
     def moved(self, part: Segment, number: int, some: slice) -> MotionAlong:
-        """Its motion in some of a segment's runs."""
+        """Motion of the participant in some of a segment's runs."""
         count, runs = part.count, part.at[some]
         x, y, z, h, speed, s, t = part.values[number, :, :count, some]
         roads = part.roads[number, :count, some]

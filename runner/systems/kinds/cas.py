@@ -107,7 +107,7 @@ class _PairedParticipants(NamedTuple):
         return cls(_boxes(some.box, at), x, y, z, speed, vx, vy, np.cos(h), np.sin(h))
 
     def at(self, rows: IntArray) -> _PairedParticipants:
-        """Some of them."""
+        """Subset of the pairs."""
         return _PairedParticipants(_boxes(self.box, rows), *(column[rows] for column in self[1:]))
 
 
@@ -149,7 +149,7 @@ class CollisionAvoidance:
         self._parameters = parameter_set(self.rss)
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
-        """Nothing is carried from run to run."""
+        """Do nothing: no state is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
@@ -204,8 +204,8 @@ class CollisionAvoidance:
         return gap(ego, other) <= self.sensor_range
 
     def _danger(self, ego: Participant, other: Participant, way: float) -> str:
-        """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards
-        (−1); empty where it is not."""
+        """Reason for which a participant is dangerous for an ego that drives forwards (way +1) or
+        backwards (−1); empty where it is not."""
         p = self._parameters
         seen = outlook(ego, other)
         if way * seen.x <= 0.0:

@@ -47,7 +47,7 @@ class Scripted:
     script: Sequence[tuple[float, Control | Pose]] = ()
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
-        """Nothing is carried from run to run."""
+        """Do nothing: a script has no state."""
 
     def control(self, observation: Observation, dt: float) -> Control | Pose:
         """Return the scripted answer for this time."""

@@ -57,7 +57,7 @@ class IntelligentDriver:
     clearance: float = 0.2
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
-        """Nothing is carried from run to run."""
+        """Do nothing: no state is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Return the model's acceleration if the path is occupied or the speed differs from the

@@ -198,7 +198,7 @@ class CarefulCompetent(ReferenceDriver):
     critical: float = 2.0
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
-        """In the way, and reached within the critical time."""
+        """Return whether an entity is in the way, and reached within the critical time."""
         return (found.aside <= ROUNDING) & (found.time_to_collision <= self.critical)
 
 
@@ -253,7 +253,7 @@ class SafeDistance(ReferenceDriver):
         self._set = parameter_set(self.parameters)
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
-        """Less than both safe distances away."""
+        """Return whether an entity is less than both safe distances away."""
         aside = lateral_distance(abs(found.approach), 0.0, self._set.response, 0.0, self._set)
         ahead = longitudinal_distance(ego.speed, found.speed, self._set)
         return (found.aside < aside) & (found.gap < ahead)
@@ -295,7 +295,8 @@ class FuzzySafety(ReferenceDriver):
     ahead_of_time: float = 0.1
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
-        """In the way or about to be, and not safe by one of the metrics."""
+        """Return whether an entity is in the way or about to be, and not safe by one of the
+        metrics."""
         return self._in_the_way(found) & (
             (self.critical(found, ego) > 0.0) | (self.proactive(found, ego) > 0.0)
         )

@@ -87,7 +87,7 @@ class Truth:
         return lane
 
     def _values(self, one: Participant, time: float) -> list[float]:
-        """Of the middle of its box: see `fill_base`."""
+        """Values of the middle of the participant's box: see `fill_base`."""
         then, before = self._before.get(one.name, (time, one))
         dt = time - then
         rates = [

@@ -54,7 +54,7 @@ class Episodes:
         return self.foreseeable & self.preventable
 
     def take(self, rows: IntArray | BoolArray) -> Episodes:
-        """Some of them."""
+        """Subset of the episodes."""
         return Episodes(**{name: values[rows] for name, values in vars(self).items()})
 
 

@@ -1,4 +1,4 @@
-"""Why vehicles that pass a junction have no label there."""
+"""Reasons for which vehicles that pass a junction have no label there."""
 
 from __future__ import annotations
 

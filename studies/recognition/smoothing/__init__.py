@@ -1,2 +1,1 @@
-"""Which settings of smoothing explain best what was not shown to it, and what other ways of
-smoothing do."""
+"""Choice of the settings of smoothing by held-out rows, and comparison with other methods."""

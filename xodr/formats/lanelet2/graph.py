@@ -219,7 +219,7 @@ class Layout:
         }
 
     def index(self, number: int, at_end: bool) -> int | None:
-        """Which joint is at the end (start) of a bundle; None where there is none."""
+        """Return the number of the joint at the end (start) of a bundle; None where there is none."""
         return self._at.get((number, at_end))
 
     def joint(self, number: int, at_end: bool) -> Joint | None:

@@ -219,7 +219,7 @@ LARGEST = 1e7
 
 
 class MapProjection:
-    """From the nodes of a map to x, y [m].
+    """Projection from the nodes of a map to x, y (m).
 
     Args:
         osm: the map.

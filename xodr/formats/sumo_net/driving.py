@@ -68,7 +68,7 @@ def drive_connections(net: Path) -> list[ConnectionDrive]:
 
 
 def _connections(root: etree._Element) -> Iterator[tuple[str, str, str]]:
-    """From lane, to lane, and a vehicle class that may use both."""
+    """Connections: from lane, to lane, and a vehicle class that may use both."""
     lanes = {lane.get("id"): lane for lane in root.iter("lane")}
     for connection in root.iterchildren("connection"):
         source, target = (

@@ -296,8 +296,8 @@ LONGEST_CHAIN = 8
 
 
 class LaneConnection(NamedTuple):
-    """From a lane that ends at a road's end, over connecting lanes, to a lane that begins at a
-    road's end.
+    """Connection from a lane that ends at a road's end, over connecting lanes, to a lane that
+    begins at a road's end.
 
     All three name lanes by the end that the connection touches: source its end of departure, via
     and target their entries.

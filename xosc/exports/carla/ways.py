@@ -403,7 +403,7 @@ def kept_distances(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 
 
 def _begin(action: Node, geometry: RoadGeometry) -> float | None:
-    """When (s) an action begins in a run; None where it doesn't."""
+    """Time (s) at which an action begins in a run; None where it doesn't."""
     first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
     return 0.0 if first else geometry.begins(action)
 
@@ -411,8 +411,8 @@ def _begin(action: Node, geometry: RoadGeometry) -> float | None:
 def _led(
     entity: str, since: float, scenario: Node, geometry: RoadGeometry, kinds: Sequence[str]
 ) -> float:
-    """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity
-    where none does."""
+    """Time (s), after a given one, at which the next of some kinds of actions leads an entity in a
+    run; infinity where none does."""
     others = [
         action
         for story in scenario.need("Storyboard").children("Story")

@@ -31,8 +31,8 @@ SIDEWALK = frozenset(("sidewalk", "walking"))
 def on_lanes(
     drive: Drive, place: tuple[np.ndarray, np.ndarray], types: frozenset[str]
 ) -> np.ndarray:
-    """Which of a drive's places (x and y, each (n,), m) are on a lane of these types, on whatever
-    road; shape (n,)."""
+    """Mask (n,) of a drive's places (x and y, each (n,), m) that are on a lane of these types, on
+    any road."""
     found = np.zeros(len(place[0]), bool)
     for lanes in lanes_under(drive.network, *place, drive.columns["z"]):
         here = [
