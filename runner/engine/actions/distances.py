@@ -257,7 +257,7 @@ class _DistanceKeeping(Running):
 
 
 class _Approaches(ArraySteps):
-    """`_Approach` of an actor in many runs."""
+    """`_DistanceKeeping` of an actor in many runs."""
 
     def __init__(
         self, action: LongitudinalDistanceAction, actor: EntityRows, run: ArrayRun
@@ -268,7 +268,7 @@ class _Approaches(ArraySteps):
         self._limits = np.zeros((run.n, 7))
         run.own(self)
 
-    def begin(self, row: int, running: _Approach) -> None:
+    def begin(self, row: int, running: _DistanceKeeping) -> None:
         """Take in the goal, the side and the limits of a run."""
         goal = running.goal
         self._distance[row], self._time_gap[row] = goal.distance or 0.0, goal.time_gap
