@@ -187,7 +187,7 @@ def build(
     ]
     # Reading begins in the workers while this process loads the recogniser (seconds for a model).
     with results(partial(recordings.read, settings), locations, workers) as found:
-        work = _Work(out, settings, recogniser(), workers)
+        work = _CatalogueBuild(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
     # Writing begins only now: which class an unknown moment has is known once all recordings were
     # seen.
@@ -223,7 +223,7 @@ def _refuse_others(out: Path, names: set[str]) -> None:
         )
 
 
-class _Work:
+class _CatalogueBuild:
     """One catalogue in the making."""
 
     def __init__(
