@@ -151,6 +151,7 @@ class Journal:
             [],
         )  # what could not be synced once is not to be trusted a second time
         folders = [self._out / outcome.job.name for outcome in finished if outcome.files]
+        # Files before folders before the journal: a power loss never leaves an entry without its run.
         sync(
             [self._out / outcome.job.name / name for outcome in finished for name in outcome.files]
         )
@@ -165,6 +166,7 @@ class Journal:
         """
         self.flush()
         kept = finished(self._out).outcomes
+        # The same batch gives the same bytes for any number of processes.
         if list(kept) != sorted(kept):
             self._records.replace(_entry(kept[name]) for name in sorted(kept))
         return kept
@@ -213,12 +215,14 @@ def begin(
             for name, outcome in before.outcomes.items()
             if (fault := _fault(out, outcome, inputs, needs) if named(outcome.job) else _RENAMED)
         }
+        # Left there, a folder of a former name would count as a run in pages and tables.
         for name, fault in faults.items():
             if fault == _RENAMED and (out / name / RESULT).is_file():
                 shutil.rmtree(out / name)
         done = {name: outcome for name, outcome in before.outcomes.items() if name not in faults}
         _tell(faults, before, records.path, tell)
         clear_drafts(out)
+    # Settings before entries: a journal without them can't be resumed.
     write_object({**settings, **_origin()}, manifest)
     records.replace(map(_entry, done.values()))
     sync([out.parent])
@@ -262,6 +266,7 @@ def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Seq
         return "of files, a system or a toolchain that have changed"
     if key is not None and not is_sealed(outcome, key):
         return f"without the seal of {SEAL_KEY}"
+    # Digests last, since they read all files of the run.
     found = digests(out / outcome.job.name)
     if any(found.get(name) != digest for name, digest in outcome.files.items()):
         return "with results that are damaged or missing"
@@ -393,6 +398,7 @@ def repeated_by(path: Path) -> str:
         sources = [os.path.commonpath(sources)]
     words = ["xosc-run", *sources]
     given = settings(batch)
+    # Options with their default values would only make the command hard to read.
     usual = RunSettings(sut=str(given.get("sut"))).as_json()
     for name, value in given.items():
         option = f"--{name.replace('_', '-')}"

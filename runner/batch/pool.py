@@ -108,6 +108,7 @@ class Pool:
                 waiting[places[future]] = self._ended(future.result())
             else:
                 faults.append(fault)
+        # An error of the work itself, as a full disk, is the batch's and not one of its process.
         broken = [fault for fault in faults if isinstance(fault, BrokenProcessPool)]
         if len(broken) < len(faults):
             raise next(fault for fault in faults if fault not in broken)
@@ -150,6 +151,7 @@ class Pool:
         """
         self._pool.shutdown(wait=True)
         self._pool = executor(self._processes)
+        # The executor names no culprit; at most so many jobs were in work, the first ones.
         suspects = self._processes
         for index, pending in enumerate(waiting):
             if isinstance(pending, Outcome) or pending[1].exception() is None:
@@ -270,6 +272,7 @@ def begin_worker(policy: CommandPolicy, start: str) -> None:
     Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.
     """
     multiprocessing.set_start_method(start, force=True)
+    # A fork inherits the parent's handlers, which save the batch; workers have nothing to save.
     for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         signal.signal(number, signal.SIG_DFL)
     ExitStack().enter_context(in_force(policy))  # to the end of the process
@@ -279,6 +282,7 @@ def begin_worker(policy: CommandPolicy, start: str) -> None:
 def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
+    # No clean-up: the parent was killed, and what it left is repaired by --resume.
     parent.join()
     os._exit(1)
 

@@ -424,6 +424,7 @@ class ArraySystemDriver(RunRows):
         if asked.any():
             rows = np.flatnonzero(asked)
             answers = self._system.control(self._observations(run, ego, rows), run.dt)
+            # The interpreter plays these: it can steer, and names a system that gives no answer.
             alone = answers.unanswered | answers.steers
             if len(rows) == run.n:
                 wanted, accelerates = answers.acceleration, answers.accelerates
@@ -435,8 +436,10 @@ class ArraySystemDriver(RunRows):
             accelerates = accelerates & longitudinal
         limits, target, dt = ego.declared.performance, ego.target_speed, run.dt
         grip = _GRAVITY * run.environment.friction
+        # No acceleration beyond the grip of the road, whatever the Performance says.
         least, most = -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip)
         speed = ego.speed + np.maximum(least, np.minimum(most, wanted)) * dt
+        # An ego that the scenario made faster than its Performance may keep its speed, not gain any.
         forward = np.minimum(np.maximum(speed, 0.0), np.maximum(limits.max_speed, ego.speed))
         driven = np.where(ego.speed >= 0.0, forward, np.minimum(speed, 0.0))
         was, left = self._returning, target
@@ -451,6 +454,7 @@ class ArraySystemDriver(RunRows):
     def _observations(self, run: ArrayRun, ego: EntityRows, rows: IntArray) -> ArrayObservation:
         n = run.n
         others = [entity for entity in run.entities.values() if entity is not ego]
+        # The same objects in each step: a system in another process is sent them once.
         if not self._constant:
             nobody: Any = objects([""] * n)
             self._constant = {
@@ -565,6 +569,7 @@ def returning(ego: Entity, target: float, dt: float) -> float:
     """Speed (m/s) after dt (s) on the way back to the target speed (m/s), when something else has
     driven the ego."""
     limits, change = ego.declared.performance, target - ego.speed
+    # Faster again gently, as drivers do; slower as hard as the car can, or the gap ahead would go.
     faster = change * ego.speed >= 0.0
     most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
     return ego.speed + max(-most, min(most, change))

@@ -184,6 +184,7 @@ def _resolved(
     remarks.add(*document.remarks)
     scopes = _bind(node, None, assigned, report, remarks)
     catalogs = Catalogs(document.path, partial(_directory, node), load, remarks, catalog_path)
+    # After `_bind`: the name of an entry may have been a parameter.
     _Inliner(catalogs, report, remarks).inline(node, scopes, ())
     if any(
         declaration.get("value") in attributes.NOTHING
@@ -225,6 +226,7 @@ def _bind(
     scopes = {top.element: _declare(top, outer, assigned, report, remarks)}
     for declarations in list(top.element.iter("ParameterDeclarations")):
         owner = declarations.getparent()
+        # Document order, outer scopes first: inner defaults may use outer parameters.
         if owner is not None and owner not in scopes:
             scopes[owner] = _declare(
                 Node(owner, top.path), _scope_around(owner, scopes), {}, report, remarks

@@ -109,6 +109,7 @@ def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pair
     low, high = np.quantile(
         similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive]
     )
+    # Pairs between both quantiles are left out: their similarity says nothing either way.
     alike = similarity >= high
     return Pairs(
         torch.from_numpy(alike).float(), torch.from_numpy(alike | (similarity <= low)).float()
@@ -117,6 +118,7 @@ def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pair
 
 def clustering_loss(p: Tensor, p_augmented: Tensor, pairs: Pairs) -> Tensor:
     """L_clu of p (n, Q) and p' (n, Q)."""
+    # Probability that both are of one cluster; clamped, as a logarithm of 0 ends the training.
     alike = (p @ p_augmented.T).clamp(_LEAST, 1.0 - _LEAST)
     terms = pairs.targets * alike.log() + (1.0 - pairs.targets) * (1.0 - alike).log()
     return -(terms * pairs.counts).sum() / pairs.counts.sum().clamp(min=1.0)
@@ -142,6 +144,7 @@ class Projection(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         self.inner, self.outer = nn.Linear(width, width), nn.Linear(width, width)
+        # Begins as the identity, so that the first pairs are those of the encoder.
         nn.init.zeros_(self.outer.weight)
         nn.init.zeros_(self.outer.bias)
 
@@ -197,6 +200,7 @@ def cluster(
         heads = _heads(backbone, samples, anchors, truth, novel, config, seed)
         optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
         for epoch in range(config.epochs):
+            # Anew in each epoch: features move, and pairs that were alike may part.
             alike = pairs(lambda: _batched(backbone, samples, config.batch).numpy())
             losses[epoch] = _epoch(
                 heads, optimiser, _Data(samples, alike, anchors, truth), epoch, config, augment
@@ -251,6 +255,7 @@ def _heads(
 def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
     """The classifier of features by the nearest of centres (K, d), with the deviation of features
     (n, d) assigned to them."""
+    # log N(x; c, σ²) is linear in x but for a term that all classes share: weight c/σ², bias −c²/2σ².
     within = (features - centres[assigned]).square().mean().clamp(min=_LEAST)
     layer = nn.Linear(features.shape[1], len(centres))
     with torch.no_grad():
@@ -272,6 +277,7 @@ def _epoch(
     total = torch.zeros(3)
     for batch in torch.randperm(len(data.samples)).split(config.batch):
         count = len(batch)
+        # Drawn with replacement: there may be fewer labelled samples than unknown ones.
         beside = torch.randint(len(data.anchors), (count,))
         inputs = torch.cat([data.samples[batch], data.anchors[beside]])
         known, novel = heads(inputs)
@@ -323,6 +329,7 @@ def likely_count(features: Features, most: int, seed: int) -> int:
     """
     random = np.random.default_rng(seed)
     halves = [np.array_split(random.permutation(len(features)), 2) for _ in range(_DIVISIONS)]
+    # Clusters of fewer than four different samples can't be judged in halves.
     bends = _bends(features, max(min(most, len(np.unique(features, axis=0)) // 4) - 1, 0), seed)
     found, best = 1, -np.inf
     for index in np.argsort(-bends, kind="stable").tolist():

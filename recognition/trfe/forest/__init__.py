@@ -63,6 +63,8 @@ def background_of(features: Features, seed: int) -> Features:
     random = np.random.default_rng(seed)
     mean, scale = features.mean(axis=0), features.std(axis=0) + np.finfo(np.float32).tiny
     standard = ((features - mean) / scale).astype(np.float64)
+    # Half of the background keeps the marginals of features, half those of their principal axes, so
+    # that it surrounds classes in both.
     axes = np.linalg.eigh(standard.T @ standard)[1]
     halves = random.permuted(standard, axis=0), random.permuted(standard @ axes, axis=0) @ axes.T
     return (np.concatenate(halves) * scale + mean).astype(np.float32)
@@ -80,6 +82,7 @@ def votes(forest: RandomForestClassifier, features: ArrayLike) -> IntArray:
     counts = np.zeros((len(table), len(forest.classes_)), dtype=np.int64)
     rows = np.arange(len(table))
     for tree in forest.estimators_:
+        # Hard votes of trees: their spread over classes is a feature, which mean probabilities blur.
         counts[rows, tree.tree_.value[tree.tree_.apply(table), 0].argmax(axis=1)] += 1
     return counts[:, forest.classes_ != UNKNOWN]
 
@@ -127,6 +130,7 @@ class Neighbours(NamedTuple):
 
         A reference is not its own neighbour.
         """
+        # Rounded as references are, or a reference would not be at distance 0 from itself.
         standard = (
             ((matrix(features, len(self.mean)) - self.mean) / self.scale)
             .astype(np.float16)
@@ -165,6 +169,7 @@ def _of_class(
     standard: Features, references: Features, rows: IntArray, squares: Features
 ) -> Features:
     count = min(_NEAREST + 1, len(rows))
+    # One more than needed: a reference that is asked for finds itself.
     near = rows[np.argpartition(squares, count - 1, axis=1)[:, :count]]
     found = np.sort(np.linalg.norm(standard[:, None, :] - references[near], axis=2), axis=1)
     if count == 1:

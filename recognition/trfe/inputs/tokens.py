@@ -255,6 +255,7 @@ class _Ways:
                 continue
             found[number] = distance, lanes
             strip = graph.strips[number]
+            # Ordered by lanes aside first: a lane on the way is told from the same lane reached by a change.
             for other in self._beside.get((strip.road, strip.section, strip.forward), ()):
                 aside = lanes + strip.place - graph.strips[other].place
                 heapq.heappush(waiting, (abs(aside), distance, other, aside))
@@ -291,6 +292,7 @@ class _SceneIndex:
     def find(self, track: IntArray, frame: IntArray) -> IntArray:
         """The row of each track (ABSENT for none) in each frame, ABSENT where there is none."""
         key = track * self._frames + frame
+        # Rows are sorted by track and frame, so that one search finds all.
         place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
         there = (
             (self._keys[place] == key) & (track != ABSENT) & (frame >= 0) & (frame < self._frames)
@@ -311,6 +313,7 @@ def window_rows(scene: Scene, moments: Moments, tokens: Tokens) -> IntArray:
     index, begin = _SceneIndex(scene), scene.time.min(initial=np.inf) if len(scene.time) else 0.0
     egos = np.array([numbers[ego] for ego, _ in moments], np.int64)
     middle = np.array([time for _, time in moments], float) - begin
+    # To the nearest frame: recordings of 10 and 30 Hz give windows of the same offsets.
     frame = np.rint((middle[:, None] + np.array(tokens.offsets)) / scene.step).astype(np.int64)
     own = index.find(np.broadcast_to(egos[:, None], frame.shape), frame)
     others = _others(scene, index, own, egos, tokens)
@@ -324,6 +327,7 @@ def _others(
     scene: Scene, index: _SceneIndex, own: IntArray, egos: IntArray, tokens: Tokens
 ) -> IntArray:
     """Tracks (n, others) of those that matter most in each window, ABSENT where there are fewer."""
+    # A few frames show whoever is near; all of them would cost time and find the same.
     anchors = np.unique(np.linspace(0, tokens.frames - 1, _ANCHORS).round().astype(np.int64))
     window, track, distance = _near(scene, index, own[:, anchors], tokens.reach)
     order = np.lexsort((distance, track, window))

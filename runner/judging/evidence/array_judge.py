@@ -200,6 +200,7 @@ class ArrayJudge:
         """Keep an instant, and look at what evidence is counted from."""
         everyone = _everyone(run)
         part = self._part
+        # A segment is of one set of runs: where some ended, another begins, so that it has no gaps.
         if part is None or part.count == SEGMENT or len(part.at) != run.n:
             self._close(run)
             part = self._part = self._segment(run, len(everyone))
@@ -210,6 +211,7 @@ class ArrayJudge:
 
     def _segment(self, run: ArraySimulation, participants: int) -> Segment:
         n = len(self._sets)
+        # Memory is used again: fresh arrays of this size cost page faults in each segment.
         if self._spare:
             values, roads = self._spare.pop()
         else:
@@ -251,6 +253,7 @@ class ArrayJudge:
             self._measures = ArrayMeasures(
                 len(self._sets), boxes, _road_names(run), run.roads.network, self._measuring, run.dt
             )
+        # The length of runs that go on is not known yet: all instants of theirs count.
         going = np.zeros(len(self._sets), bool)
         going[self._at(run)[run.going]] = True
         sizes = np.where(going & (self._steps == 0), ENDLESS, self._steps)
@@ -281,6 +284,7 @@ class ArrayJudge:
                 change > _TOLERANCE * limits.max_acceleration,
                 -change > _TOLERANCE * limits.max_deceleration,
             )
+            # Steps in a row: one within the limit begins the count anew.
             for count, side in zip((seen.faster, seen.slower), over, strict=True):
                 count += side
                 count *= side
@@ -289,6 +293,7 @@ class ArrayJudge:
                     seen.hasty |= long & run.going
         seen.speed = speed
         on = ego.on_lane & (ego.edge_right <= ego.t) & (ego.t <= ego.edge_left)
+        # The edges of its lane decide most rows; a place beside it may be on another, overlapping road.
         off = run.going & ~on
         if off.any():
             for row in np.flatnonzero(off & ~seen.doubt):
@@ -362,6 +367,7 @@ class ArrayJudge:
             doubt |= driver.commanded[rows] * run.dt < seconds
         if self._system and not scripted_at_start(self._scenario, run.ego.entity):
             lacking |= ~seen.moved[rows]
+        # Where events wait for a contact alone, a limit of time may cut off what they wait for.
         waits = self._mishap & self._are_out_of_time(run, rows, finished) & ~begun
         asked = ~(failed | doubt | lacking)
         if self._reserve <= 0.0:  # no reserve is less
@@ -371,6 +377,7 @@ class ArrayJudge:
             lacking[place] = next_one.reserve < self._reserve or (
                 waits[place] and next_one.after <= APPROACH
             )
+        # Doubt comes before lack: the single run that it asks for knows more, and decides either.
         outcome = np.where(doubt, OPEN, np.where(lacking, INCONCLUSIVE, PASSED))
         self._outcome[at] = np.where(failed, FAILED, outcome)
 

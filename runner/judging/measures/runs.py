@@ -164,8 +164,11 @@ class ArrayMeasures:
             if ahead.any():
                 gap = np.where(ahead, view.ahead, gap)
                 closing = np.where(ahead, view.speed - view.other_speed, closing)
+        # One lead per instant, the nearest of all participants: measures of others would be those of cars
+        # behind it.
         self._take_lead(runs, gap, closing)
         self._take_nearest(runs, steps, distance)
+        # Exposure ends at the contact: shares of risk of runs that go on after it would be diluted.
         active = present & ~self._after_contact(runs, touched)
         self._counted[runs] += active.sum(axis=0)
         self._risky[runs] += (violated & active).sum(axis=0)
@@ -194,6 +197,7 @@ class ArrayMeasures:
         """Mask of instants after the first contact of their run."""
         before: BoolArray = np.broadcast_to(self._touched[runs], touched.shape)
         if touched.any():
+            # The instant of the first contact itself still counts.
             before = before | (np.cumsum(touched, axis=0) > touched)
             self._touched[runs] |= touched.any(axis=0)
         return before
@@ -211,6 +215,7 @@ class ArrayMeasures:
             time, until = self._times(steps)[:, None], conflict[runs]
             inside = (time > until - self._window + _INSTANT) & (time <= until + _INSTANT)
             recent[runs] += (violated & inside).sum(axis=0)
+        # A window holds one instant more than its length has steps.
         before = np.minimum(recent * self._dt / self._window, 1.0)
         risk = np.divide(self._risky, self._counted, out=np.zeros(n), where=self._counted > 0)
         return RunMeasures(
@@ -251,6 +256,7 @@ class _Impacts:
             self._level[number, runs] = True
             self._views[number][:, runs] = [values[-1] for values in view]
             return
+        # Views off the level (a bridge above) say nothing of the side that is hit later.
         some = np.flatnonzero(level.any(axis=0))
         last = count - 1 - level[::-1, some].argmax(axis=0)
         self._level[number, runs[some]] = True
@@ -268,6 +274,7 @@ class _Impacts:
         steps: IntArray,
     ) -> None:
         """Add the contacts with a participant at instants of some runs (c, k)."""
+        # Later contacts of a run are consequences of the first: only that one has a manner.
         columns = np.flatnonzero(touching.any(axis=0))
         rows = touching[:, columns].argmax(axis=0)
         sooner = steps[rows] < self._steps[runs[columns]]

@@ -113,6 +113,7 @@ class RoadMotion:
         """Codes of the names of roads (c, k) in place of the keys, and s and t of who is off
         roads."""
         roads = part.roads[number, : part.count]
+        # Most participants stay on one road for a segment: no keys have to be sorted then.
         key = int(roads[0, 0])
         if key and (roads == key).all():
             roads[:] = self._codes[key]
@@ -147,6 +148,7 @@ class RoadMotion:
         np.not_equal(roads[0], old_road, out=jumps[0])
         np.subtract(s[1:], s[:-1], out=ahead[1:])
         np.subtract(s[0], old_s, out=ahead[0])
+        # Along s backwards at negative speed is a movement in reverse, not a turn.
         turns = np.sign(ahead) * np.sign(speed)
         if jumps.any():
             turns[jumps] = 0.0
@@ -170,6 +172,7 @@ class RoadMotion:
             side = np.where(place < 0, np.where(last != 0.0, last, 1.0), side)
         moved = turns.any(axis=0)
         self._last[runs] = np.where(moved, side[-1], self._last[runs])
+        # Times as recordings have them, rounded to ns: the same rates to the bit as in single runs.
         times = np.round(np.arange(part.first - 1, part.first + count) * self._dt, 9)
         drift = np.empty(t.shape)
         np.subtract(t[1:], t[:-1], out=drift[1:])

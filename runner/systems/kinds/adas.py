@@ -298,6 +298,7 @@ class DriverAssistance:
         lead = RadarTarget("", *(at_row(values, row) for values in targets[1:]))
         follows = self._followers[run] | self.begins_to_follow(lead, speed)
         follows &= np.isfinite(gaps.min(axis=0))
+        # Full braking leaves the follower's state as it was, as `_decide` does by its early return.
         self._followers[run] = follows = np.where(is_full, self._followers[run], follows)
         behind = self.following(lead, speed, seen.target_speed)
         return np.where(is_full, -self.full, np.where(follows, behind, np.inf)), is_full
@@ -307,6 +308,7 @@ class DriverAssistance:
     def is_emergency(self, each: RadarTarget, needed: Any, speed: Any, is_braking_for: Any) -> Any:
         """Whether a target in the way calls for full braking by a needed deceleration (m/s²), or
         for more of it."""
+        # Braking that stopped at the threshold would begin anew in the next step, and pulse.
         goes_on = is_braking_for & (speed > greatest(each.speed, 0.0))
         return (needed >= self.emergency) | goes_on
 
