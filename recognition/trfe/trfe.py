@@ -166,6 +166,8 @@ class TRFE:
         score, threshold = self._score(seen, votes)
         share = most / np.maximum(votes.counts.sum(axis=1), 1)
         labels = np.where(score <= threshold, closed, UNKNOWN)
+        # Below its least share a label is no better than chance on sites not seen: background, not
+        # unknown, or discovery would be fed with it.
         needed = np.array([self.least_share(label) for label in labels.tolist()])
         chance = (
             most < self.config.trees / len(known.classes)
@@ -225,11 +227,13 @@ class TRFE:
         if not promoted.any():
             return
         features, labels = discovery.features[promoted], discovery.labels[promoted]
+        # Samples that fit the forest look more certain to it than new ones: others calibrate.
         calibrates = share_of_each(labels, self.config.seed)
         fitted, calibrating = (
             Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates)
         )
         known, config = self.known, self.config
+        # The threshold was chosen by leaving each class out, which takes a forest for each.
         if isinstance(known.screening, EvtScreening):
             config = replace(config, delta=known.screening.delta)
         self._known = learn(

@@ -87,9 +87,11 @@ class ExploredParameter:
         """A number as the parameter takes it, with the digits that matter in its range."""
         if self.kind == WHOLE:
             return str(round(number))
+        # Digits by the range: a slider over 0.01 and one over 1000 need other ones.
         size = (self.high - self.low) / FINENESS
         grain = 10.0 ** math.floor(math.log10(size)) if size > 0.0 else 0.0
         short = round(number / grain) * grain if grain else number
+        # Rounded outwards a value would violate the constraint that gives the range.
         return f"{short if self.low <= short <= self.high else number:.6g}"
 
 
@@ -183,6 +185,7 @@ def _parameter(declared: ListedParameter, value: str, varied: Sequence[str]) -> 
     if declared.type == "boolean":
         return ExploredParameter(name, CHOICE, value, choices=("true", "false"))
     allowed = [text for group in declared.limits for rule, text in group if rule == "equalTo"]
+    # Groups of equalTo alone are a list of values; another rule among them makes it a range.
     if allowed and len(allowed) == sum(map(len, declared.limits)):
         return ExploredParameter(name, CHOICE, value, choices=_with(value, allowed))
     number = _number(value)
@@ -227,6 +230,7 @@ def _bounds(declared: ListedParameter) -> list[float]:
             for group in declared.limits
         ]
         if ends and all(ends):
+            # A group holds if all its rules do, and one group is enough (ConstraintGroup).
             found.append(min(map(max, ends)) if rules is _LOW else max(map(min, ends)))
     return found
 
@@ -247,6 +251,7 @@ def verdict_at(
 ) -> PointVerdict:
     """Play a point; an error is a verdict too."""
     try:
+        # A parameter may make a run endless or too large: the page goes on, the point is an error.
         with limited():
             verdict = run(scenario, settings, parameters=parameters).verdict
     except Exception as error:

@@ -191,6 +191,7 @@ def starts_at_once(action: Node, scenario: Node) -> bool | None:
 
 
 def _all(held: Sequence[bool | None]) -> bool | None:
+    # Three-valued logic: one that never holds decides for all, whatever is not known of the others.
     return False if False in held else None if None in held else True
 
 
@@ -202,6 +203,7 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
     """Whether a condition holds at time 0; False: at no time, None: that depends."""
     time = condition.find("ByValueCondition", "SimulationTimeCondition")
     parameter = condition.find("ByValueCondition", "ParameterCondition")
+    # An edge, or a delay, needs a time before: nothing with one holds at time 0.
     if condition.float("delay", 0.0) or condition.get("conditionEdge", "none") != "none":
         return None
     if time is not None:
@@ -209,6 +211,7 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
             "greaterThan": time.float("value") < 0.0,
             "greaterOrEqual": time.float("value") <= 0.0,
         }
+        # False now, it may hold later: not decided.
         return begun.get(time.get("rule")) or None
     if parameter is None or parameter.get("rule") != "equalTo":
         return None
@@ -265,8 +268,10 @@ def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
         steady = next((state for tag in _STEADY for state in action.iter(tag)), None)
         if steady is None and not any(action.has(name) for name in _TOLERANCES):
             continue
+        # While the final speed is held both drive on: each target lies that way before the written one.
         way, time = _held(action, steady, geometry) if steady is not None else (0.0, 0.0)
         master_way = time * abs(_speed(action, geometry) or 0.0)
+        # A tolerance ends the action when the target is that near: without it the target has to be nearer.
         own, masters = (float(action.element.attrib.pop(name, "0")) for name in _TOLERANCES)
         _back(action.need("TargetPosition").only(), way + own, geometry)
         _back(action.need("TargetPositionMaster").only(), master_way + masters, geometry)
@@ -295,6 +300,7 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
             awaited = [node for node in meant(state, scenario) if node.element in around]
             if not awaited or state.get("state") not in _ENDED:
                 continue
+            # The end of an event is that of its last action: the delay would be right for one of them only.
             if any(len(list(node.iter("Action"))) > 1 for node in awaited):
                 raise state.unsupported(
                     f"what it waits for would end {time:g} s earlier, but for its other actions"

@@ -108,6 +108,7 @@ def sift(
     outlying = np.zeros(len(standard), dtype=bool)
     if config.spread is not None:
         isolation = _isolation(prototypes.distances(standard, standard), config.neighbours)
+        # Median and median deviation: the outliers that are sought would inflate mean and deviation.
         median = np.median(isolation)
         outlying = isolation > median + config.spread * _NORMAL * np.median(
             np.abs(isolation - median)
@@ -219,6 +220,7 @@ def judge(
     for number in np.unique(numbers):
         members = np.flatnonzero(numbers == number)
         close = cohesion(similarity[np.ix_(members, members)])
+        # The centre, not the members: single samples of a new class may lie near a known one.
         ratio = float(prototypes.ratio(table[members].mean(axis=0, keepdims=True))[0])
         reason = _objection(len(members), close, ratio, reference, config)
         judgements.append(

@@ -122,6 +122,7 @@ class SceneArea(NamedTuple):
     def of(cls, results: Sequence[RunResult]) -> SceneArea:
         """SceneArea of the paths of all participants."""
         area = union(extent(result.recording.tracks.values()) for result in results)
+        # In whole metres, so that rounded coordinates are those of the recording.
         origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
         return cls(area.wider(_SURROUNDINGS), origin)
 
@@ -199,6 +200,7 @@ def road_of(
     """The roads within an area, counted from an origin; without `heights`, no more than a view from
     above needs."""
     axes = 3 if heights else 2
+    # Steps from a near origin are short numbers: pages stay small.
     base = np.array([*origin, 0.0])
 
     def packed(lines: Sequence[NDArray[np.float64]]) -> list[str]:

@@ -224,6 +224,8 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
         or len(around[0].findall("ConditionGroup/Condition")) > 1
     ):
         raise condition.unsupported(_WAITS)
+    # The moment of a run without a system; a condition on the ego would differ with the system, so it
+    # is refused above.
     for child in condition.children():
         condition.element.remove(child.element)
     value = etree.SubElement(condition.element, "ByValueCondition")
@@ -302,6 +304,7 @@ def steer(document: Document) -> None:
     ]
     for entity in dict.fromkeys(name for action in untimed for name in actors(action)):
         for private in document.node.need("Storyboard", "Init").iter("Private"):
+            # A controller that the scenario assigns itself stays: it may be the system under test.
             if private.get("entityRef") == entity and not list(
                 private.iter("AssignControllerAction")
             ):
