@@ -17,7 +17,8 @@ from schemas.common.terminal.command_line import (
     new_app,
     out_folder,
 )
-from studies.publication.page import PAGE, text
+from studies.publication import pictures
+from studies.publication.page import PAGE, finding, text
 from studies.publication.results import (
     RESULTS,
     entry,
@@ -84,6 +85,7 @@ def publication(
                 write_journal(journal.values(), out)
                 print(f"{stage.name}: {seconds:.0f} s", flush=True)
         publish(found, out, results / scale)
+    pictures.write(finding(results), page.parent / pictures.FOLDER)
     keep(text(results).encode(), page)
     print(page)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from schemas.common.terminal.text import csv_text
 from studies.generation import densities, reconstruction
-from studies.generation.comparison import trajectories
+from studies.generation.comparison import points, trajectories
 from studies.generation.comparison.measures import Measures, last_third, measure
 from studies.generation.comparison.study import Key, Study
 from studies.generation.methods import ABLATIONS, METHODS
@@ -101,8 +101,8 @@ def _cell(values: list[float]) -> str:
 
 
 def write_report(study: Study, likelihoods: bool = True) -> list[Table]:
-    """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the
-    tables.
+    """Write `report.md`, a CSV for each table and for the points of pictures, and `results.csv` with
+    every single figure; the tables.
 
     Args:
         likelihoods: whether the table of held-out likelihoods is among them; to fit the flow takes
@@ -122,6 +122,10 @@ def write_report(study: Study, likelihoods: bool = True) -> list[Table]:
         (study.out / "tables" / f"{table.name}.csv").write_text(
             table.csv(), encoding="utf-8", newline="\n"
         )
+    shown = points.rows(study)
+    if shown:
+        path = study.out / "tables" / f"{points.NAME}.csv"
+        path.write_text(csv_text(shown), encoding="utf-8", newline="\n")
     rows: list[tuple[object, ...]] = [("episodes", "method", "seed", *Measures._fields)]
     for episodes, measured in (("last third", last), ("all", complete)):
         rows += (

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 import typer
 
+from generation.space.logical.library import SCENARIOS
+from generation.space.space import Space
 from schemas.common.errors import InvalidFile
 from studies.publication import __main__ as command
-from studies.publication import page, results
+from studies.publication import page, pictures, results
 from studies.publication.stages import SCALES, FailedStage, Stage, run, stages
 
 SCALE = "smallest"
@@ -133,3 +137,74 @@ def test_each_row_of_results_comes_from_a_command_that_is_still_there(scale: str
     assert {name: entry.command for name, entry in journal.items()} == {
         name: now[name] for name in journal
     }
+
+
+def test_pictures_are_those_of_the_result_files_and_small(tmp_path: Path) -> None:
+    find = page.finding(RESULTS)
+    folder = page.PAGE.parent / pictures.FOLDER
+    named = re.findall(r"!\[.*?\]\((.*?)\)", page.PAGE.read_text(encoding="utf-8"))
+    shown = [picture for picture in pictures.PICTURES.values() if picture.possible(find)]
+    assert named == [f"{pictures.FOLDER}/{picture.file}" for picture in shown]
+    assert {path.name for path in folder.iterdir()} == {picture.file for picture in shown}
+    for picture in shown:
+        assert (folder / picture.file).stat().st_size < 100_000
+        if picture.file.endswith(".svg"):
+            assert (folder / picture.file).read_bytes() == picture.draw(find), (
+                "python -m studies.publication --page-only"
+            )
+
+
+def test_points_of_a_study_become_motions_and_projections(tmp_path: Path) -> None:
+    names = (
+        "A_Gap_m",
+        "A_Speed_mps",
+        "A_Before_s",
+        "A_Way_m",
+        "A_Time_s",
+        "A_After_mps",
+        "A_Rest_s",
+    )
+    rows = "\n".join(
+        f"{kind},,{20 + number},25,1,3.5,4,26,2"
+        for number, kind in enumerate(("recorded", "generated", "collision", "least clearance"))
+    )
+    path = tmp_path / "cut_in_highway" / "points.csv"
+    table(path, f"kind,method,{','.join(names)}\n{rows}\n")
+
+    def find(stage: str, name: str) -> Path | None:
+        return path if (stage, name) == ("cut_in_highway", "points") else None
+
+    written = pictures.write(find, tmp_path / "drawn")
+    assert [path.name for path in written] == ["figure-5.png", "figure-6.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def test_a_case_is_drawn_at_its_contact(tmp_path: Path) -> None:
+    space = Space.of(SCENARIOS / "merging_highway.xosc")
+    values = space.values(space.draw(1, np.random.default_rng(0))[0])
+    path = tmp_path / "points.csv"
+    row = ",".join(str(values[name]) for name in space.names)
+    table(path, f"kind,method,{','.join(space.names)}\nleast clearance,,{row}\n")
+    drawn = pictures.PICTURES["8 highways"].draw(
+        lambda stage, name: path if (stage, name) == ("merging_highway", "points") else None
+    )
+    assert drawn.startswith(b"\x89PNG")
+
+
+def test_the_page_says_what_its_tables_rest_on(tmp_path: Path) -> None:
+    header = ",macro-F1,AUROC,OSCR,seeds,p"
+    for seeds in (2, 3):
+        table(
+            tmp_path / "full" / "shipped" / "open-set.csv",
+            f"{header}\n**TRFE**,0.8,0.9,0.7,{seeds},–\nCAC,0.4,0.8,0.6,3,0.03\n",
+        )
+        table(tmp_path / "full" / "shipped" / "data.csv", "id,class,test\n1,a,20\n2,b,30\n")
+        text = page.text(tmp_path)
+        shown = "3" if seeds == 3 else "2 to 3"
+        assert (
+            f"| Table 3: shipped | {shown} | 50 test windows of 2 classes in five rounds |" in text
+        )
+    table(tmp_path / SCALE / "cut_in_highway" / "generated.csv", ",R_risk\n**MCSG** †,0.5\n")
+    assert "| Table 5 and figure 7: cut in highway, smallest settings | 1 | 40 runs" in page.text(
+        tmp_path
+    )
