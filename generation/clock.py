@@ -97,21 +97,28 @@ class SearchClock:
 
 
 class TimedPlays:
-    """Plays in arrays within the time of a search: counts them, and tells how many there is time
-    for.
+    """Plays in arrays within the time and the number of a search: counts them, and tells how many
+    are left.
 
     A play of n points takes a + b·n: steps of the scenario, and what each point adds to them. Both
     are measured by the smallest and the largest play so far.
 
     Args:
         plays: plays points. clock: of the search. block: points between two looks at the clock.
+        most: points that the system under test is to drive, about.
 
     Attributes:
         played: points that the system under test of the search has driven.
     """
 
-    def __init__(self, plays: Callable[..., Outcomes], clock: SearchClock, block: int) -> None:
-        self._plays, self._clock, self._block = plays, clock, block
+    def __init__(
+        self,
+        plays: Callable[..., Outcomes],
+        clock: SearchClock,
+        block: int,
+        most: float = math.inf,
+    ) -> None:
+        self._plays, self._clock, self._block, self._most = plays, clock, block, most
         self._times: dict[int, float] = {}
         self.played = 0
 
@@ -133,13 +140,15 @@ class TimedPlays:
         return outcomes
 
     def within(self, share: float) -> float:
-        """Points that can be played in a share of the time that is left; infinite without a limit.
+        """Points that can be played in a share of the time, and of the number, that is left;
+        infinite without limits.
 
-        Where nothing was played before, it is 0 with a limit.
+        Where nothing was played before, it is 0 with a limit of time.
         """
+        left = share * max(self._most - self.played, 0.0)
         seconds = share * self._clock.left
         if math.isinf(seconds):
-            return math.inf
+            return left
         if not self._times:
             return 0.0
         few, many = min(self._times), max(self._times)
@@ -147,4 +156,4 @@ class TimedPlays:
         each = self._times[many] / many
         if few < many:
             each = max((self._times[many] - self._times[few]) / (many - few), each / _DRIVERS)
-        return max((seconds - self._times[few]) / each + few, 0.0)
+        return max(min((seconds - self._times[few]) / each + few, left), 0.0)

@@ -8,6 +8,7 @@ edge cases and files, in the end and in between."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -81,6 +82,8 @@ _REPLAYED = 30, 300
 """Least and most replays of recorded units that a density is measured by; without plays; between them a tenth of the budget"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
 """Replays, and draws, that are played to measure a density for each run of the budget, and how many at most"""
+_ONE_BY_ONE = 40
+"""Plays for each run of the budget of a system that is asked run by run, which costs as much as a run of it"""
 _GATED, _GATED_FIRST = 0.2, 250
 """Share of the time that is left which measuring a density takes, and replays, and draws, that are
 played at first"""
@@ -204,6 +207,8 @@ def generate(
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
+        if work.is_hopeless:
+            return work.made(work.course.history)
         try:
             history = work.search(search)
         except TimeOver:
@@ -236,6 +241,8 @@ class _Asked(NamedTuple):
         """Read the scenario and the recordings."""
         space = space_of(scenario, settings)
         if settings.until is not None:  # say so before the budget is spent
+            if settings.plays == 0:
+                raise UsageError("--until draws in arrays: it can't go with --plays 0")
             ArrayPlays(scenario, space, settings.run, settings.rss)
         source = recorded(space)
         real = source.within(space)
@@ -283,7 +290,12 @@ class _Work:
         timed = (
             None
             if self._plays is None
-            else TimedPlays(self._plays, clock, PLAYED * settings.processes)
+            else TimedPlays(
+                self._plays,
+                clock,
+                PLAYED * settings.processes,
+                _most_plays(self._plays, settings) / 2,
+            )
         )
         self._gate = _gate(asked, self.unseen, out, self._plays, timed, clock)
         self._screen, self._measured = timed, timed.played if timed is not None else 0
@@ -310,6 +322,12 @@ class _Work:
         """
         settings = self._asked.settings
         return method(self._problem, settings.budget - drawn_of(settings.budget), settings.seed)
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether each unguided draw ended with an error, as more runs would."""
+        status = self.unseen.outcomes.status
+        return bool(len(status)) and bool((status == "error").all())
 
     def _drawn(self) -> Episodes:
         """Unguided draws, as many as there is time for."""
@@ -487,6 +505,8 @@ def _gate(
     # Without pinned parameters the units are points of the space itself.
     replaying = plays if own.names == space.names else _plays(scenario, own, settings)
     ran = unseen.outcomes.executed
+    if not ran.any():
+        return Gate(Share(0, 0), drawn)  # which is not testable
     try:
         if (
             timed is not None
@@ -520,7 +540,7 @@ def _played_gate(
         TimeOver: the time was over before the first one.
     """
     settings = asked.settings
-    number = min(_PLAYED * settings.budget, _MOST_PLAYED)
+    number = int(min(_PLAYED * settings.budget, _MOST_PLAYED, _most_plays(plays, settings) / 4))
     units = units[:number]
     draws = asked.source.prior(own, settings.density).sample(number, generator)
     timed, until = TimedPlays(plays, clock, 2 * number), clock.left * (1.0 - _GATED)
@@ -653,9 +673,18 @@ def _drivers(
 
 def _plays(scenario: Path, space: Space, settings: SearchSettings) -> ArrayPlays | None:
     """Plays of a scenario in arrays; None where it, its system or a setting does not play so."""
+    if settings.plays == 0:
+        return None
     with suppress(Unsupported):
         return ArrayPlays(scenario, space, settings.run, settings.rss, processes=settings.processes)
     return None
+
+
+def _most_plays(plays: ArrayPlays, settings: SearchSettings) -> float:
+    """Plays of a search, about: half of them measure the density, half choose runs."""
+    if settings.plays is not None:
+        return settings.plays
+    return math.inf if plays.together else _ONE_BY_ONE * settings.budget
 
 
 def space_of(scenario: Path, settings: SearchSettings) -> Space:

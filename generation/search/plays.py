@@ -3,6 +3,7 @@ simulator."""
 
 from __future__ import annotations
 
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from runner.judging.evidence.array_judge import OPEN, ArrayOutcomes
 from runner.judging.measures.runs import Measuring
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
+from runner.systems.array_systems import open_arrays
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
@@ -41,6 +43,10 @@ class ArrayPlays:
         rss: the RSS parameter set of risk.
         fast: whether a scenario of which much is done run by run is refused: it is no faster.
         processes: how many play at a time; the outcomes are the same for any number.
+
+    Attributes:
+        together: whether its system decides in all runs by one call; otherwise a play takes as much
+            of it as a run.
 
     Raises:
         Unsupported: the scenario, its system under test or a setting plays in single runs only, or
@@ -67,6 +73,9 @@ class ArrayPlays:
         reason = obstacle(scenario, self._run, self._sets(drawn), fast=fast)
         if reason:
             raise Unsupported(reason, path=scenario)
+        system = open_arrays(self._run.sut, self._run.sut_in_process, self._run.sut_timeout)
+        with closing(system) if system is not None else nullcontext():
+            self.together = system is None or system.together
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), in their order.

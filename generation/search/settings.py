@@ -105,6 +105,9 @@ class SearchSettings:
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
         minutes: time for all phases; draws have a third of it, the search ends when two thirds are
             over, whatever is left of its budget, and there is no estimate then; None for no limit.
+        plays: plays of the system in arrays, about: half of them measure the density, half choose
+            runs; 0 for none; None for as many as the budget says, and fewer where the system is
+            asked run by run.
         every: runs after which what was found so far is written; None to write once, at the end.
         overwrite: whether files in the way are replaced that no earlier search wrote as they are.
 
@@ -165,6 +168,13 @@ class SearchSettings:
         "End after about so many minutes, with edge cases and report; the same command goes on.",
         min=0.0,
         metavar="M",
+    )
+    plays: int | None = option(
+        None,
+        "Plays in arrays, about, which test the density and choose runs; 0 for none.  "
+        "[default: by --budget, fewer where the system has no control_batch]",
+        min=0,
+        metavar="N",
     )
     every: int | None = option(None, "Write the report after each N runs too.", min=1, metavar="N")
     overwrite: bool = option(

@@ -88,3 +88,13 @@ def test_plays_tell_how_many_there_is_time_for(passing: Time) -> None:
     assert alone < plays.within(0.5), "of one play no more is promised than it shows"
     assert plays.played == 450
     assert TimedPlays(play, SearchClock(None), 1024).within(0.1) == np.inf
+
+
+def test_plays_tell_how_many_are_left_of_a_number(passing: Time) -> None:
+    plays = TimedPlays(passing.run, SearchClock(None), 1024, 600)
+    assert plays.within(0.5) == 300.0
+    plays(THETA)
+    plays(THETA, "fsm")
+    assert plays.within(0.5) == 100.0, "what reference drivers drive costs the system nothing"
+    plays(THETA)
+    assert plays.within(1.0) == 0.0

@@ -55,6 +55,43 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path: 
         assert one.read_bytes() == other.read_bytes()
 
 
+def test_a_system_that_fails_in_each_draw_is_not_searched(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "class Own:\n"
+        "    def reset(self, ego, timestep, seed): ...\n"
+        "    def control(self, observation, dt):\n"
+        "        raise RuntimeError('no map')\n",
+        "utf-8",
+    )
+    run = replace(RUN, sut=f"{tmp_path / 'own.py'}:Own")
+    found = generate(CUT_IN, lambda space: drawn(200), tmp_path / "out", replace(QUICK, run=run))
+    assert found.draws is not None and len(found.draws.theta) == 30
+    assert not len(found.history.theta) and not found.gate.testable and not found.plays
+    assert "no map" in found.draws.outcomes.error[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("plays", "most"), [(0, 0), (None, 40 * QUICK.budget)])
+def test_a_system_that_is_asked_run_by_run_drives_no_more_plays_than_asked(
+    tmp_path: Path, plays: int | None, most: int
+) -> None:
+    (tmp_path / "own.py").write_text(
+        "from runner.systems import Control\n"
+        "class Own:\n"
+        "    def reset(self, ego, timestep, seed):\n"
+        "        with open(__file__ + '.runs', 'a') as file:\n"
+        "            file.write('.')\n"
+        "    def control(self, observation, dt):\n"
+        "        return Control()\n",
+        "utf-8",
+    )
+    run = replace(RUN, sut=f"{tmp_path / 'own.py'}:Own")
+    settings = replace(QUICK, method="cover", plays=plays, run=run)
+    generate(CUT_IN, lambda space: drawn(200), tmp_path / "out", settings)
+    driven = (tmp_path / "own.py.runs").stat().st_size
+    assert QUICK.budget <= driven <= QUICK.budget + 1.2 * most + 300
+
+
 def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=f"at least {LEAST}"):
         generate(CUT_IN, lambda space: drawn(LEAST - 1), tmp_path, QUICK)
