@@ -249,7 +249,8 @@ def test_a_run_whose_scenario_has_gone_says_so(batch: Path, tmp_path: Path) -> N
 def test_a_search_without_edge_cases_is_explored_with_its_system_and_pins(
     tmp_path: Path, command: Command
 ) -> None:
-    searching = ("--density", "uniform", "--budget", "4", "--world", "kinematic", "--sut", "adas")
+    searching = ("--density", "uniform", "--budget", "4", "--world", "kinematic", "--sut", "adas",
+                 "--method", "draws", "--jobs", "1")  # fmt: skip
     found = tmp_path / "found"
     pin = ("--pin", "CutIn_LaneChangeTime_s=4.5", "--pin", "CutIn_Gap_m=39")
     command("xosc-generate", LIBRARY / "simple_cut_in.xosc", *searching, *pin, "--out", found)
