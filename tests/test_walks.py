@@ -122,7 +122,7 @@ WALKS = {
         lambda _: (
             "xosc-run",
             "simple_cut_in_variation",
-            "--batch",
+            "--arrays",
             "--world",
             "kinematic",
             "--sut",
