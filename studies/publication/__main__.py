@@ -80,10 +80,12 @@ def publication(
                 for stage in chosen
                 if stage.name in journal and journal[stage.name].command == written(stage, out)
             ]
-            for stage, seconds in run([one for one in chosen if one.name not in done]):
-                journal[stage.name] = entry(stage, out, seconds)
+            for stage, seconds, processor in run([one for one in chosen if one.name not in done]):
+                journal[stage.name] = entry(stage, out, seconds, processor)
                 write_journal(journal.values(), out)
-                print(f"{stage.name}: {seconds:.0f} s", flush=True)
+                print(
+                    f"{stage.name}: {seconds:.0f} s, processor time {processor:.0f} s", flush=True
+                )
         publish(found, out, results / scale)
     pictures.write(finding(results), page.parent / pictures.FOLDER)
     keep(text(results).encode(), page)

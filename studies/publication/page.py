@@ -78,9 +78,9 @@ def text(results: Path) -> str:
             title = f"Figure 4: sensitivity to {symbol}, as {stage}{mark}"
             parts.append(_section(title, _plain(found / stage / f"{name}.csv")))
     parts.append("## Generation\n")
-    for name, title, of in _GENERATION:
-        found, mark = _folder(results, [("cut_in_highway", name)])
-        rows = _with_published(found / "cut_in_highway" / f"{name}.csv", published, of)
+    for stage, name, title, of in _GENERATION:
+        found, mark = _folder(results, [(stage, name)])
+        rows = _with_published(found / stage / f"{name}.csv", published, of)
         parts.append(_section(title + mark, rows))
     parts.append(_pictures(results, "5", "6", "7", "8", "8 highways"))
     for stage in GEOMETRIES:
@@ -195,12 +195,11 @@ _RECOGNITION = (
 """Tables of the protocol: name of the file, title, the publication's table, and the columns that
 are shown"""
 _GENERATION = (
-    ("generated", "Table 5: methods", "Table 5"),
-    ("density", "Likelihoods of densities, section 4.3.3", ""),
-    ("reconstruction", "Reconstruction from seven parameters", "Reconstruction"),
+    ("cut_in_highway", "generated", "Table 5: methods", "Table 5"),
+    ("densities", "density", "Likelihoods of densities, section 4.3.3", ""),
+    ("cut_in_highway", "reconstruction", "Reconstruction from seven parameters", "Reconstruction"),
 )
-"""Tables of the searches of cut ins: name of the file, title, and the publication's table, if
-any"""
+"""Tables of cut ins: stage, name of the file, title, and the publication's table, if any"""
 
 
 def _components() -> str:
@@ -288,21 +287,23 @@ def _section(
 
 
 def _commands(entries: Iterable[Entry], scale: str) -> str:
+    made = list(entries)
     rows = [
         [
             each.stage,
             f"`python -m {each.command}`" + (f" {each.note}" if each.note else ""),
-            f"{each.seconds:.0f}",
+            f"{each.seconds:.0f}" if each.seconds else _NONE,
+            f"{float(each.processor):.0f}" if each.processor else _NONE,
             f"{each.cores} cores" + (f", {each.device}" if each.device else ""),
             each.date,
             each.commit,
         ]
-        for each in entries
+        for each in made
     ]
-    total = sum(float(row[2]) for row in rows)
-    header = ["stage", "command", "s", "machine", "date", "commit"]
-    made = f"`python -m studies.publication{' --smallest' if scale == 'smallest' else ''}`"
+    total = sum(each.seconds for each in made)
+    header = ["stage", "command", "s", "processor s", "machine", "date", "commit"]
+    command = f"`python -m studies.publication{' --smallest' if scale == 'smallest' else ''}`"
     return (
         _section(f"Commands, {scale} settings", (header, rows), "##")
-        + f"\n{made} runs them, {total / 60:.0f} minutes in all.\n"
+        + f"\n{command} runs them, {total / 60:.0f} minutes in all.\n"
     )

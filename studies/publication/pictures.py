@@ -69,8 +69,13 @@ def write(find: Find, folder: Path) -> list[Path]:
 
 def _sensitivity(find: Find) -> bytes:
     """Macro-F1 over δ, T and W, as published and as shipped."""
-    figure, panels = _canvas(1, 3, (9.0, 2.8))
-    for axes, (name, symbol) in zip(panels, _CURVES, strict=True):
+    curves = [
+        (name, symbol)
+        for name, symbol in _CURVES
+        if any(find(stage, f"sensitivity-{name}") for stage in ("published", "shipped"))
+    ]
+    figure, panels = _canvas(1, len(curves), (3.0 * len(curves), 2.8))
+    for axes, (name, symbol) in zip(panels, curves, strict=True):
         for stage, colour in (("published", _PUBLISHED), ("shipped", _SHIPPED)):
             path = find(stage, f"sensitivity-{name}")
             if path is None:
@@ -85,7 +90,7 @@ def _sensitivity(find: Find) -> bytes:
                 x, y, bars, color=colour, marker=".", linewidth=1, label=f"as {stage}{small}"
             )
         axes.set_xscale("log")
-        ticks = np.unique(np.concatenate([line.get_xdata() for line in axes.lines] or [[1.0]]))
+        ticks = np.unique(np.concatenate([line.get_xdata() for line in axes.lines]))
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], rotation=60, fontsize=7)
         axes.minorticks_off()
         axes.set_xlabel(symbol)
@@ -133,8 +138,8 @@ def _trajectories(find: Find) -> bytes:
         for number, row in enumerate(theta[kinds == kind][:40]):
             time = np.linspace(-row[2], row[4] + row[6], 60)
             way, aside = reconstruct(row, 1.0, time)
-            ahead.plot(way, aside, color=colour, alpha=0.4, label="" if number else label)
-            speed.plot(time, np.gradient(way, time), color=colour, alpha=0.4)
+            ahead.plot(way, aside, color=colour, alpha=0.6, label="" if number else label)
+            speed.plot(time, np.gradient(way, time), color=colour, alpha=0.6)
     ahead.set_xlabel("way since the manoeuvre began [m]")
     ahead.set_ylabel("share of the lateral way")
     speed.set_xlabel("time since the manoeuvre began [s]")
@@ -155,13 +160,13 @@ def _projections(find: Find) -> bytes:
             ("collision", _COLLISION, "generated, collision"),
         ):
             some = theta[kinds == kind]
-            axes.scatter(some[:, one], some[:, other], s=2, color=colour, label=label, linewidths=0)
+            axes.scatter(some[:, one], some[:, other], s=5, color=colour, label=label, linewidths=0)
         axes.set_xlabel(_short(names[one]), fontsize=6)
         axes.set_ylabel(_short(names[other]), fontsize=6)
         axes.tick_params(labelsize=5)
     figure.legend(
         *panels[0].get_legend_handles_labels(),
-        loc="outside upper center", ncols=3, fontsize=8, markerscale=3, frameon=False,
+        loc="outside upper center", ncols=3, fontsize=8, markerscale=2, frameon=False,
     )  # fmt: skip
     return _png(figure)
 
@@ -244,8 +249,11 @@ def _png(figure: Figure) -> bytes:
     from PIL import Image
 
     content, small = io.BytesIO(), io.BytesIO()
+    rare_too = Image.Quantize.MAXCOVERAGE  # few red points keep their colour
     figure.savefig(content, format="png", dpi=100, metadata={"Software": None})
-    Image.open(content).convert("RGB").quantize(_COLOURS).save(small, "PNG", optimize=True)
+    Image.open(content).convert("RGB").quantize(_COLOURS, rare_too).save(
+        small, "PNG", optimize=True
+    )
     return small.getvalue()
 
 

@@ -33,6 +33,7 @@ class Entry(NamedTuple):
         date, commit, version: day (ISO), commit of the source, and version of the toolchain.
         device: accelerator beside the cores; blank without one.
         note: what of it was not made, and anything else to know; blank for all of it.
+        processor: processor time of its processes (s); blank where it was not measured.
     """
 
     stage: str
@@ -44,10 +45,12 @@ class Entry(NamedTuple):
     version: str
     device: str = ""
     note: str = ""
+    processor: str = ""
 
 
-def entry(stage: Stage, work: Path, seconds: float) -> Entry:
-    """The entry of a stage that has just been run."""
+def entry(stage: Stage, work: Path, seconds: float, processor: float) -> Entry:
+    """The entry of a stage that has just been run, in so many seconds by the clock and of the
+    processors."""
     return Entry(
         stage.name,
         written(stage, work),
@@ -57,6 +60,7 @@ def entry(stage: Stage, work: Path, seconds: float) -> Entry:
         _commit(),
         version("xosc-toolchain"),
         _device(),
+        processor=f"{processor:.1f}",
     )
 
 

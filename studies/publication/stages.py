@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,6 +13,8 @@ from typing import NamedTuple
 from schemas.common.errors import ToolchainError
 
 LIBRARY = Path("xosc/library")
+_PINNED = ("--pin", "Ego_Speed_mps=30")
+"""Parameter of highway cut ins that is not searched: the others are the seven"""
 GEOMETRIES = (
     "cut_in_narrow_road",
     "cut_in_sharp_curve",
@@ -26,9 +29,13 @@ _FEW = (
     *("trfe", "random", "mls", "cac", "arpl", "cpn", "mdenet"),
     *("trfe-given-k", "kmeans", "iterative-euclidean", "iterative-autonovel"),
     *("as-published", "no-ucs", "nvp", "no-oc", "strict", "reading-b", "vote-threshold"),
-    *("w125", "w250", "w500", "w1000", "delta", "trees"),
 )
-"""Rows of tables 3 and 4, of figure 3 and the chain, and of figure 4"""
+"""Rows of tables 3 and 4, of figure 3 and the chain"""
+_CURVES = ("delta", "trees")
+"""Figure 4 over δ and T"""
+_CAPACITIES = ("w125", "w250", "w500", "w1000")
+"""Figure 4 over W, which takes more windows than the smallest settings have: all its rows were the
+same there"""
 _MORE = (
     *("trfe-own-rule", "trfe-tuned", "reading-a", "logistic", "knn"),
     *("logistic-changes", "logistic-without-roles", "knn-changes", "map-only"),
@@ -36,6 +43,13 @@ _MORE = (
     *("joint", "retrained", "joint-retrained", "as-published-joint"),
 )
 """Rows of plain methods, of an autoencoder, which read grids, and of an encoder that learns on"""
+_SEARCHED = (
+    *("gacs", "conscend", "ccsf", "rltester", "rlbe", "mcsg", "mcsg-published", "kde", "random"),
+    *("cma-es", "cover", "draws", "level-sets", "subset"),
+    *("exclusive", "no-coordination", "no-elite", "no-kde", "no-learning", "no-maneuver", "no-rl"),
+)
+"""Methods of table 5 and ablations of figure 7 without IBO, whose Gaussian process is fitted anew
+after each run: 1.5 s of processor time after 600 runs, and more after more"""
 
 
 class FailedStage(ToolchainError):
@@ -52,6 +66,8 @@ class Scale(NamedTuple):
         budget, searches: runs of each search, and seeds of it.
         grids: preset of the encoder that reads grids, as published.
         rows: methods, variants and curves that are compared.
+        searched: methods of table 5; all of them if empty.
+        densities: whether densities are compared, which takes minutes whatever the settings.
     """
 
     recorded: tuple[str, ...]
@@ -61,12 +77,23 @@ class Scale(NamedTuple):
     searches: int
     grids: str
     rows: tuple[str, ...]
+    searched: tuple[str, ...] = ()
+    densities: bool = False
 
 
 SCALES = {
-    "smallest": Scale(("--scale", "0.02"), 20, 1, 40, 1, "pca", _FEW),
+    "smallest": Scale(("--scale", "0.02"), 20, 1, 40, 1, "pca", (*_FEW, *_CURVES)),
     "full": Scale(
-        ("--families", "60", "--seed", "900"), 400, 5, 3000, 5, "full-rows", (*_FEW, *_MORE)
+        *(
+            ("--families", "60", "--seed", "900"),
+            400,
+            5,
+            3000,
+            5,
+            "full-rows",
+            (*_FEW, *_CAPACITIES, *_CURVES, *_MORE),
+        ),
+        *(_SEARCHED, True),
     ),
 }
 """Settings by name: `smallest` shows that all of it runs, `full` is what is reported"""
@@ -101,6 +128,9 @@ def stages(scale: Scale, work: Path, recordings: Path | None = None) -> list[Sta
     for name, preset in (("published", scale.grids), ("shipped", "tokens")):
         out = work / name
         found.append(Stage(name, _protocol(scale, recordings, out, preset), out / "tables"))
+    if scale.densities:
+        out = work / "densities"
+        found.append(Stage("densities", _densities(out), out / "tables"))
     for scenario in ("cut_in_highway", *GEOMETRIES):
         out = work / scenario
         found.append(Stage(scenario, _searched(scale, scenario, out), out / "tables"))
@@ -123,30 +153,42 @@ def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[s
     )
 
 
+def _densities(out: Path) -> tuple[str, ...]:
+    scenario = (LIBRARY / "cut_in_highway.xosc").as_posix()
+    return ("studies.generation", "densities", scenario, "--out", str(out), *_PINNED)
+
+
 def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
     """All methods on highway cut ins (table 5), MCSG as published and draws elsewhere (figure 8)."""
     seven = scenario == "cut_in_highway"
-    few = () if seven else ("mcsg", "mcsg-published", "draws")
+    few = scale.searched if seven else ("mcsg", "mcsg-published", "draws")
     return (
         "studies.generation",
         "methods",
         (LIBRARY / f"{scenario}.xosc").as_posix(),
         *("--out", str(out), "--budget", str(scale.budget), "--seeds", str(scale.searches)),
         "--quiet",
-        *(("--pin", "Ego_Speed_mps=30") if seven else ()),
+        *(_PINNED if seven else ()),
+        "--no-likelihoods",
         *(part for name in few for part in ("--methods", name)),
     )
 
 
-def run(chosen: Sequence[Stage]) -> Iterator[tuple[Stage, float]]:
-    """Run stages; each is given back with its time (s).
+def run(chosen: Sequence[Stage]) -> Iterator[tuple[Stage, float, float]]:
+    """Run stages; each is given back with its time (s) and the processor time of its processes.
 
     Raises:
         FailedStage: a command fails; what it says stands on standard error.
     """
     for stage in chosen:
-        start = monotonic()
+        start, before = monotonic(), _processor_time()
         ended = subprocess.run([sys.executable, "-m", *stage.command], check=False)
         if ended.returncode:
             raise FailedStage(f"the stage {stage.name} ended with exit code {ended.returncode}")
-        yield stage, monotonic() - start
+        yield stage, monotonic() - start, _processor_time() - before
+
+
+def _processor_time() -> float:
+    """Processor time of all child processes that have ended (s)."""
+    spent = os.times()
+    return spent.children_user + spent.children_system

@@ -16,6 +16,7 @@ from generation.space.density.models import models
 from runner.batch.options import Sut
 from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.errors import UsageError
+from schemas.common.storage import keep
 from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 from schemas.common.terminal.options import parameters_of
 
@@ -34,6 +35,9 @@ def command(
         typer.Option(
             "--density", metavar="NAME", help=f"Only these of {', '.join(models())} (repeatable)."
         ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the tables as CSV.")
     ] = None,
     recorded: Recorded = None,
     kind: Kind = None,
@@ -77,15 +81,22 @@ def command(
             raise UsageError(
                 "no recorded manoeuvre is inside the limits of its parameters", path=scenario
             )
-        print(comparison(found.theta, found.recordings, only).markdown(), end="")
+        _show(comparison(found.theta, found.recordings, only), out)
         if runs:
             names = only or list(models())
             play = ArrayPlays if plays else partial(Evaluator, processes=jobs)
             simulate = partial(play, scenario, run=RunSettings(sut=sut))
-            print(
-                "\n" + _gated(space, of_samples(samples, space), names, runs, simulate).markdown(),
-                end="",
-            )
+            print()
+            _show(_gated(space, of_samples(samples, space), names, runs, simulate), out)
+
+
+def _show(table: Table, out: Path | None) -> None:
+    """Print a table, and write it into the folder."""
+    print(table.markdown(), end="")
+    if out is not None:
+        folder = out / "tables"
+        folder.mkdir(parents=True, exist_ok=True)
+        keep(table.csv().encode(), folder / f"{table.name}.csv")
 
 
 def _gated(

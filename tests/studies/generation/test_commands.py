@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +118,10 @@ def test_methods_are_compared_and_their_cases_run_with_other_systems(
 
 
 def test_densities_are_compared_on_recorded_parameters(
-    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    units: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert (
         call(
@@ -130,6 +134,8 @@ def test_densities_are_compared_on_recorded_parameters(
             "gaussian",
             "--density",
             "kde",
+            "--out",
+            tmp_path / "densities",
         )
         == 0
     )
@@ -139,6 +145,12 @@ def test_densities_are_compared_on_recorded_parameters(
         if line.startswith("| ") and "±" in line
     ]
     assert sorted(rows) == ["| KDE, full covariance", "| one Gaussian"]
+    with (tmp_path / "densities" / "tables" / "density.csv").open(newline="") as file:
+        assert sorted(row[0] for row in csv.reader(file)) == [
+            "KDE, full covariance",
+            "density",
+            "one Gaussian",
+        ]
 
 
 def test_units_of_recordings_are_reconstructed_and_kept(
