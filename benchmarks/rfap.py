@@ -16,7 +16,8 @@ from collections.abc import Callable
 import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.trfe.forest import forest, random_trees, similarity, votes
+from recognition.trfe.forest import random_trees, similarity
+from recognition.trfe.forest.trees import Trees
 from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 
@@ -34,11 +35,13 @@ def main() -> None:
     arguments.add_argument("--classes", type=int, default=14)
     options = arguments.parse_args()
     features, labels = _clouds(FITTED + max(SIZES), options.width, options.classes)
-    grown = forest(features[:FITTED], labels[:FITTED], options.trees)
+    fitted = RandomForestClassifier(options.trees, random_state=0, n_jobs=-1)
+    fitted.fit(features[:FITTED], labels[:FITTED])
+    grown = Trees.of(fitted)
     held = features[FITTED:]
-    nodes = np.mean([tree.tree_.node_count for tree in grown.estimators_])
+    nodes = len(grown.feature) / options.trees
     print(f"{options.trees} trees of {nodes:.0f} nodes on average, {options.width} dimensions")
-    spent = _time(lambda: votes(grown, held))
+    spent = _time(lambda: grown.votes(held))
     print(f"votes        {len(held):>5} samples  {spent:7.2f} s  {len(held) / spent:.0f} samples/s")
     for name, trees in (
         ("supervised", grown),
@@ -51,7 +54,7 @@ def main() -> None:
             )
     spent, loop = (
         _time(lambda: similarity(grown, held[:NAIVE])),
-        _time(lambda: _naive(grown, held[:NAIVE])),
+        _time(lambda: _naive(fitted, held[:NAIVE])),
     )
     print(
         f"double loop  {NAIVE:>5} samples  {loop:7.2f} s  {loop / spent:.0f} times the time of ours"

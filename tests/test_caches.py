@@ -40,7 +40,6 @@ CACHES = {
     "recognition.trfe.inputs.grids.picture": OBJECT,
     "recognition.scenes.lanes.graph": OBJECT,
     "recognition.trfe.inputs.tokens._ways": OBJECT,
-    "recognition.trfe.storage._parsed": VALUE,
     "runner.view.assessment._declared": INPUTS,
     "runner.batch.inputs._by_stamp": FILE,
     "runner.batch.inputs.program": PROGRAM,

@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.discovery.candidates import Preprocessing, Promotion, cohesion
-from recognition.trfe.discovery.clustering import (
-    Clustering,
-    NovelHead,
-    PairsOf,
-    Projection,
-    cluster,
-    k_means_head,
-    likely_count,
-    three_way_pairs,
-)
-from recognition.trfe.encoder.training import deterministic
+from recognition.trfe.discovery.candidates import Clustering, Preprocessing, Promotion, cohesion
 from recognition.trfe.forest import TREES, VotingForest, grow, random_trees, similarity
 from recognition.trfe.forest.screening import EvtJoint, Screening
 from recognition.trfe.inputs.samples import Features, Prototypes
 from schemas.common.array_types import IntArray
+
+if TYPE_CHECKING:
+    from recognition.trfe.discovery.clustering import NovelHead, PairsOf
 
 
 @dataclass(frozen=True)
@@ -87,6 +79,8 @@ class Task(NamedTuple):
 
 def cluster_online(task: Task, config: Config) -> IntArray:
     """Cluster (n,) of each unknown sample."""
+    from recognition.trfe.discovery.clustering import k_means_head
+
     count = likely_clusters(task, config)
     return trained_clusters(
         task,
@@ -99,6 +93,10 @@ def cluster_online(task: Task, config: Config) -> IntArray:
 def trained_clusters(task: Task, config: Config, pairs: PairsOf, novel: NovelHead) -> IntArray:
     """Cluster (n,) of each unknown sample by the heads that are trained, see
     `recognition.trfe.discovery.clustering.cluster`."""
+    # Torch, which recognising does not need.
+    from recognition.trfe.discovery.clustering import Projection, cluster
+    from recognition.trfe.encoder.training import deterministic
+
     with deterministic(config.seed):
         backbone = Projection(task.samples.shape[1])
     return cluster(
@@ -115,6 +113,8 @@ def trained_clusters(task: Task, config: Config, pairs: PairsOf, novel: NovelHea
 
 def fixed_pairs(task: Task, config: Config) -> PairsOf:
     """The same pairs in each epoch, by the similarity of the samples."""
+    from recognition.trfe.discovery.clustering import three_way_pairs
+
     pairs = three_way_pairs(task.similarity, config.clustering)
     return lambda features: pairs
 
@@ -126,7 +126,9 @@ def likely_clusters(task: Task, config: Config) -> int:
     The samples in a buffer need not be of classes alone: in few clusters, classes would drown in
     what is of none.
     """
-    from sklearn.cluster import KMeans  # late: a missing torch is reported first
+    from sklearn.cluster import KMeans
+
+    from recognition.trfe.discovery.clustering import likely_count  # a missing torch comes first
 
     most = config.clustering.candidates
     for count in range(likely_count(task.samples, most, config.seed), most):

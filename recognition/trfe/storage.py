@@ -1,35 +1,29 @@
 """TRFE models in a folder: `model.safetensors` (settings, samples, screening, prototypes),
-`forest.skops`, the encoder's files.
+`forest.safetensors` (`recognition.trfe.forest.trees.Trees`), the encoder's files.
 
 No file is trusted: reading runs no code of it, settings must be of the types of `Config`, arrays
-finite and of fitting shapes, and trees sound, since scikit-learn follows their node numbers without
-looking whether there are such nodes.
+finite and of fitting shapes, and trees sound, whose paths end at leaves.
 """
 
 from __future__ import annotations
 
 import json
-import re
-import zipfile
 from dataclasses import asdict, fields, is_dataclass
-from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.ensemble import RandomForestClassifier
-from sklearn.tree import DecisionTreeClassifier
 
 from recognition.trfe.config import Config, Steps
+from recognition.trfe.encoder.inference import StoredEncoder
 from recognition.trfe.forest import Neighbours, VotingForest
 from recognition.trfe.forest.known import KnownClasses, Labelled, labelled
 from recognition.trfe.forest.screening import EvtJoint
-from recognition.trfe.inputs.samples import UNKNOWN, Prototypes, matrix
+from recognition.trfe.forest.trees import Trees
+from recognition.trfe.inputs.samples import Prototypes, matrix
 from recognition.trfe.inputs.tokens import CHANGES, Tokens
 from recognition.trfe.trfe import TRFE
-from schemas.common.array_types import IntArray
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, reason
 from schemas.common.policy import current
 from schemas.common.storage import keep, writing
@@ -38,29 +32,10 @@ if TYPE_CHECKING:
     from recognition.trfe.encoder.model import Encoder
 
 Arrays = dict[str, NDArray[Any]]
-_MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
+_MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.safetensors", "encoder"
 _FORMAT = "xosc-toolchain TRFE 5"
 _ABOUT = "about"
 """The only metadata key: safetensors writes several in an order that varies"""
-_TREE = "sklearn.tree._tree.Tree"
-"""The only type beyond skops' defaults: node tables, which `_check_tree` verifies."""
-_ADDRESS = re.compile(r'(?<="__id__": )\d+|\d+(?=\.npy\b)')
-"""Addresses of objects in the schema and in the names of members of a file of skops"""
-_PROTOCOL, _MOST = 2, 2**20
-_NODES = {
-    ("sklearn.ensemble._forest", "RandomForestClassifier", "ObjectNode"),
-    ("sklearn.tree._classes", "DecisionTreeClassifier", "ObjectNode"),
-    ("sklearn.tree._tree", "Tree", "TreeNode"),
-    *(
-        ("builtins", *pair)
-        for pair in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))
-    ),
-    *(("builtins", "str", loader) for loader in ("JsonNode", "TypeNode")),
-    *(("numpy", name, "NdArrayNode") for name in ("ndarray", "int64")),
-}
-"""Module, class and loader of all nodes of a forest"""
-LARGEST = 2**30
-"""Bytes that a forest may unpack to."""
 
 
 def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
@@ -111,11 +86,15 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
             ),
             folder / _MODEL,
         )
-        keep(known.forest.stored or _written(known.forest.trees), folder / _FOREST)
+        keep(safetensors.save(known.forest.trees.arrays()), folder / _FOREST)
         for number, encoder in enumerate(model.encoders):
+            place = folder / f"{_ENCODER}{number}"
+            if isinstance(encoder, StoredEncoder):
+                encoder.save(place)
+                continue
             from recognition.trfe.encoder import storage
 
-            storage.save(encoder, folder / f"{_ENCODER}{number}")
+            storage.save(encoder, place)
 
 
 def load(folder: Path) -> TRFE:
@@ -125,10 +104,10 @@ def load(folder: Path) -> TRFE:
         InvalidFile: a file is missing, truncated, not such a model's, or not to be trusted.
     """
     config, unseen, arrays = _read_model(folder / _MODEL)
-    forest, stored = _read_forest(folder / _FOREST)
+    forest = _read_forest(folder / _FOREST)
     encoders = _read_encoders(folder)
     try:
-        model = TRFE(config, encoders, _known(config, arrays, forest, stored))
+        model = TRFE(config, encoders, _known(config, arrays, forest))
         model.unseen_sites = unseen
         model.least = _least(_part(arrays, "least"))
         width = model.known.fitted.features.shape[1]
@@ -159,11 +138,18 @@ def _least(arrays: Arrays) -> dict[int, float]:
     return dict(zip(arrays["classes"].tolist(), arrays["shares"].tolist(), strict=True))
 
 
-def _read_encoders(folder: Path) -> list[Encoder]:
+def _read_encoders(folder: Path) -> list[Encoder | StoredEncoder]:
+    """Encoders of tokens as they are stored; those of grids are torch's."""
+    return [
+        StoredEncoder.read(place) or _torch_encoder(place)
+        for place in sorted(folder.glob(f"{_ENCODER}[0-9]"))
+    ]
+
+
+def _torch_encoder(place: Path) -> Encoder:
     from recognition.trfe.encoder import storage
 
-    places = sorted(folder.glob(f"{_ENCODER}[0-9]"))
-    return [storage.load(place) for place in places]
+    return storage.load(place)
 
 
 def _thinned(samples: Labelled, most: int | None) -> Labelled:
@@ -188,13 +174,11 @@ def _part(arrays: Arrays, prefix: str) -> Arrays:
     }
 
 
-def _known(
-    config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes
-) -> KnownClasses:
+def _known(config: Config, arrays: Arrays, forest: Trees) -> KnownClasses:
     fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
     prototypes = Prototypes(**_part(arrays, "prototypes"))
     screening = EvtJoint(seed=config.seed).restore(_part(arrays, "screening"))
-    voting = VotingForest(forest, Neighbours(**_part(arrays, "neighbours")), stored)
+    voting = VotingForest(forest, Neighbours(**_part(arrays, "neighbours")))
     classes = voting.classes
     for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes):
         if not np.array_equal(np.unique(of), classes):
@@ -251,161 +235,12 @@ def _setting(name: str, kind: Any, value: Any) -> Any:
     raise ValueError(f"its setting {name} can't be {value!r}")
 
 
-def _written(forest: RandomForestClassifier) -> bytes:
-    import skops.io
+def _read_forest(path: Path) -> Trees:
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
 
-    return _without_circumstances(skops.io.dumps(forest, compression=zipfile.ZIP_DEFLATED))
-
-
-def _without_circumstances(content: bytes) -> bytes:
-    """A forest's file with numbers in their order for addresses of objects, which skops names by
-    them, and without a time."""
-    with zipfile.ZipFile(BytesIO(content)) as archive:
-        files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
-    schema = files["schema.json"].decode()
-    numbers = {
-        address: str(number)
-        for number, address in enumerate(dict.fromkeys(_ADDRESS.findall(schema)), 1)
-    }
-    files["schema.json"] = _ADDRESS.sub(lambda found: numbers[found[0]], schema).encode()
-    out = BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files.items():
-            archive.writestr(
-                zipfile.ZipInfo(_ADDRESS.sub(lambda found: numbers[found[0]], name)),
-                data,
-                zipfile.ZIP_DEFLATED,
-            )
-    return out.getvalue()
-
-
-def _read_forest(path: Path) -> tuple[RandomForestClassifier, bytes]:
-    """A forest, and the content of its file."""
     current().admit(path)
     try:
-        content = path.read_bytes()
-        return _parsed(content), content
-    except Exception as error:
+        return Trees.read(load_file(path))
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
         raise InvalidFile(f"this is no forest: {reason(error)}", path=path) from None
-
-
-@lru_cache(maxsize=1)
-def _parsed(content: bytes) -> RandomForestClassifier:
-    """The forest of a file; the last one is kept, as a loop reads the same model for each of its
-    catalogues."""
-    import skops.io
-
-    with zipfile.ZipFile(BytesIO(content)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
-            raise ValueError("it is too large")
-        files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
-    forest = skops.io.loads(
-        _checked(files), trusted=[_TREE]
-    )  # looks through the types of all that is in it before it makes any
-    _check_forest(forest)
-    return forest
-
-
-def _checked(files: dict[str, bytes]) -> bytes:
-    """The file of a forest again, after all nodes of its schema have shown to be those of a forest.
-
-    Nodes get numbers of their own: skops takes a number that it has met for the node that had it,
-    whatever this one holds.
-    """
-    schema = json.loads(files["schema.json"])
-    if schema.get("protocol") != _PROTOCOL:
-        raise ValueError(f"protocol {_PROTOCOL} of skops is expected")
-    waiting: list[Any] = [schema]
-    number = 0
-    while waiting:
-        one = waiting.pop()
-        waiting += [
-            member
-            for member in (one.values() if isinstance(one, dict) else one)
-            if isinstance(member, dict | list)
-        ]
-        if isinstance(one, dict) and "__loader__" in one:
-            if (one.get("__module__"), one.get("__class__"), one["__loader__"]) not in _NODES:
-                raise ValueError(f"{one.get('__class__')} is no part of a forest")
-            number += 1
-            one["__id__"] = number
-            if one["__loader__"] == "TreeNode":
-                _check_arguments(one, files)
-    out = BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
-        for name, data in (files | {"schema.json": json.dumps(schema).encode()}).items():
-            archive.writestr(name, data)
-    return out.getvalue()
-
-
-def _check_arguments(node: dict[str, Any], files: dict[str, bytes]) -> None:
-    """Numbers of features, classes, outputs and nodes of a tree, which scikit-learn takes for sizes
-    of the arrays beside them."""
-
-    def number(one: dict[str, Any]) -> int:
-        found = json.loads(one["content"])
-        if one["__loader__"] != "JsonNode" or type(found) is not int:
-            raise ValueError("a number is expected")
-        return found
-
-    def array(one: dict[str, Any]) -> NDArray[Any]:
-        if one["__loader__"] != "NdArrayNode" or one["type"] != "numpy":
-            raise ValueError("an array is expected")
-        found: NDArray[Any] = np.lib.format.read_array(
-            BytesIO(files[one["file"]]), allow_pickle=False
-        )
-        return found
-
-    features, classes, outputs = node["__reduce__"]["args"]["content"]
-    state, counts = node["content"]["content"], array(classes)
-    nodes = array(state["nodes"])
-    sound = (
-        0 < number(features) < _MOST
-        and number(outputs) == 1
-        and counts.shape == (1,)
-        and counts.dtype == np.intp
-        and 0 < int(counts[0]) < _MOST
-        and nodes.ndim == 1
-        and number(state["node_count"]) == len(nodes)
-    )
-    if not sound:
-        raise ValueError("one of its trees is broken")
-
-
-def _check_forest(forest: Any) -> None:
-    if type(forest) is not RandomForestClassifier or not forest.estimators_:
-        raise ValueError(f"it is a {type(forest).__name__}")
-    classes: IntArray = forest.classes_
-    if (
-        not np.issubdtype(classes.dtype, np.integer)
-        or classes.ndim != 1
-        or (np.diff(classes) <= 0).any()
-        or classes[0] < UNKNOWN
-    ):
-        raise ValueError("its classes are no ascending numbers")
-    for tree in forest.estimators_:
-        if type(tree) is not DecisionTreeClassifier:
-            raise ValueError(f"one of its trees is a {type(tree).__name__}")
-        _check_tree(tree, len(classes), forest.n_features_in_)
-
-
-def _check_tree(tree: DecisionTreeClassifier, classes: int, width: int) -> None:
-    """Children come after their parents, so that every path ends, and features and classes are
-    those of the forest."""
-    nodes = tree.tree_
-    number, left, right = np.arange(nodes.node_count), nodes.children_left, nodes.children_right
-    inner = left >= 0
-    sound = (
-        nodes.node_count > 0
-        and nodes.n_features == width
-        and nodes.value.shape == (nodes.node_count, 1, classes)
-        and (inner == (right >= 0)).all()
-        and all(
-            (child[inner] > number[inner]).all() and (child < nodes.node_count).all()
-            for child in (left, right)
-        )
-        and ((nodes.feature[inner] >= 0) & (nodes.feature[inner] < width)).all()
-        and np.isfinite(nodes.value).all()
-    )
-    if not sound:
-        raise ValueError("one of its trees is broken")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.discovery.candidates import Buffer
+from recognition.trfe.encoder.inference import StoredEncoder
 from recognition.trfe.forest import Votes
 from recognition.trfe.forest.known import (
     FIRST_DISCOVERED,
@@ -89,7 +90,7 @@ class TRFE:
     def __init__(
         self,
         config: Config | None = None,
-        encoders: Sequence[Encoder] = (),
+        encoders: Sequence[Encoder | StoredEncoder] = (),
         known: KnownClasses | None = None,
         steps: Steps | None = None,
     ) -> None:
@@ -150,9 +151,7 @@ class TRFE:
             return matrix(table)
         if not self.encoders:
             raise UsageError("this model has no encoder: it takes features, not windows")
-        from recognition.trfe.encoder.storage import features
-
-        encoded = features(self.encoders, table)
+        encoded = features_of(self.encoders, table)
         return matrix(
             np.concatenate([changes(table), encoded], axis=1) if self.config.changes else encoded
         )
@@ -250,3 +249,20 @@ def share_of_each(labels: IntArray, seed: int) -> BoolArray:
         members = random.permutation(np.flatnonzero(labels == label))
         chosen[members[: int(np.ceil(_CALIBRATING * len(members)))]] = True
     return chosen
+
+
+def features_of(
+    encoders: Sequence[StoredEncoder | Encoder], windows: NDArray[np.floating[Any]]
+) -> Features:
+    """Features (n, dim) of windows, those of several encoders beside each other; of encoders that are
+    being trained by torch.
+
+    Raises:
+        UsageError: windows of another shape.
+    """
+    stored = [one for one in encoders if isinstance(one, StoredEncoder)]
+    if len(stored) == len(encoders):
+        return np.concatenate([one.features(windows) for one in stored], axis=1)
+    from recognition.trfe.encoder.storage import features
+
+    return features([one for one in encoders if not isinstance(one, StoredEncoder)], windows)

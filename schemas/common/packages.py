@@ -63,7 +63,6 @@ _EXTRAS = {
     "ray": "ray",
     "safetensors": "recognition",
     "sklearn": "search",
-    "skops": "recognition",
     "threadpoolctl": "search",
     "torch": "recognition",
     "zstandard": "osi",

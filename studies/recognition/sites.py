@@ -52,9 +52,9 @@ def _random(model: TRFE, inputs: Inputs) -> NDArray[np.float32]:
 
 
 def _encoded(model: TRFE, inputs: Inputs, which: slice = slice(None)) -> NDArray[np.float32]:
-    from recognition.trfe.encoder.storage import features
+    from recognition.trfe.trfe import features_of
 
-    return features(model.encoders[which], inputs)
+    return features_of(model.encoders[which], inputs)
 
 
 def _beside(model: TRFE, inputs: Inputs) -> NDArray[np.float32]:

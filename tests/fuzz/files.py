@@ -421,5 +421,4 @@ _CHANGES: dict[str, tuple[_Change, ...]] = {
     ".parquet": (_parquet,),
     ".npy": (_npy, _flip),
     ".safetensors": (_tensors,),
-    ".skops": (_zip,),
 }

@@ -278,7 +278,7 @@ def _model(folder: Path, random: Random, seeds: Path) -> Input:
     seed = seeds / "model"
     if not seed.is_dir():
         from recognition.trfe.config import Config
-        from recognition.trfe.discovery.clustering import Clustering
+        from recognition.trfe.discovery.candidates import Clustering
         from recognition.trfe.storage import save
         from recognition.trfe.trfe import TRFE
         from tests.recognition.clouds import clouds

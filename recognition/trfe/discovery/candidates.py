@@ -144,6 +144,32 @@ class Promotion:
     absolute_cohesion: float = 0.85
 
 
+@dataclass(frozen=True)
+class Clustering:
+    """Settings for training the heads of `recognition.trfe.discovery.clustering`.
+
+    Args:
+        candidates: Q_max, most new classes that one round can find.
+        positive, negative: quantiles of S from which on, and up to which, pairs count as alike and
+            as different.
+        epochs, batch, rate: of Adam.
+        consistency: λ.
+        ramp: E_r, epochs until ω reaches λ.
+        threads: that share the arithmetic; a small backbone is faster on one, and sums depend on
+            their number.
+    """
+
+    candidates: int = 10
+    positive: float = 0.85
+    negative: float = 0.5
+    epochs: int = 150
+    batch: int = 128
+    rate: float = 1e-3
+    consistency: float = 10.0
+    ramp: int = 75
+    threads: int = 1
+
+
 class Candidate(NamedTuple):
     """One cluster and what speaks for and against it.
 

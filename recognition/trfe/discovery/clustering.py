@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from sklearn.cluster import KMeans
 from torch import Tensor, nn
 from torch.nn import functional
 
+from recognition.trfe.discovery.candidates import Clustering
 from recognition.trfe.encoder.training import deterministic
 from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import FloatArray, IntArray
@@ -32,32 +32,6 @@ from schemas.common.errors import UsageError
 Augment = Callable[[Tensor], Tensor]
 _LEAST = 1e-6
 """G is kept this far from 0 and 1, where its logarithm ends."""
-
-
-@dataclass(frozen=True)
-class Clustering:
-    """Settings for training the heads.
-
-    Args:
-        candidates: Q_max, most new classes that one round can find.
-        positive, negative: quantiles of S from which on, and up to which, pairs count as alike and
-            as different.
-        epochs, batch, rate: of Adam.
-        consistency: λ.
-        ramp: E_r, epochs until ω reaches λ.
-        threads: that share the arithmetic; a small backbone is faster on one, and sums depend on
-            their number.
-    """
-
-    candidates: int = 10
-    positive: float = 0.85
-    negative: float = 0.5
-    epochs: int = 150
-    batch: int = 128
-    rate: float = 1e-3
-    consistency: float = 10.0
-    ramp: int = 75
-    threads: int = 1
 
 
 class Clusters(NamedTuple):
@@ -165,7 +139,7 @@ def cluster(
     labels: IntArray,
     pairs: PairsOf,
     novel: NovelHead,
-    config: Clustering = Clustering(),
+    config: Clustering = Clustering(),  # noqa: B008 - immutable
     seed: int = 0,
     augment: Augment = jitter,
 ) -> Clusters:

@@ -12,13 +12,11 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from recognition.trfe.encoder.config import Architecture, Sizes, TokenArchitecture
+from recognition.trfe.encoder.inference import FURTHEST, WIDER
 from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.inputs.tokens import Tokens
 from recognition.trfe.training.windows import View
 from schemas.common.errors import UsageError
-
-_WIDER = 4
-"""The hidden layer of a block is this many times as wide as its tokens."""
 
 
 class Attention(nn.Module):
@@ -60,7 +58,7 @@ class AttentionBlock(nn.Module):
         dim, heads = architecture.dim, architecture.heads
         self.attention = Attention(dim, heads)
         self.layers = nn.Sequential(
-            nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim)
+            nn.LayerNorm(dim), nn.Linear(dim, WIDER * dim), nn.GELU(), nn.Linear(WIDER * dim, dim)
         )
 
     def forward(
@@ -130,8 +128,6 @@ class Encoder(nn.Module):
             )
 
 
-_FURTHEST = 5.0
-"""Features are cut to this amount: what is farther away or faster is that, and no more."""
 _SPREAD = 0.02
 """Standard deviation of untrained embeddings of places, times and kinds"""
 _NOISE, _MISSED, _CUT = 0.03, 0.1, 0.15
@@ -191,7 +187,7 @@ class TokenEncoder(Encoder):
         participants."""
         there = ~values[..., 0].isnan()
         seen = torch.cat(
-            [torch.nan_to_num(values.float()).clamp(-_FURTHEST, _FURTHEST), there.unsqueeze(-1)],
+            [torch.nan_to_num(values.float()).clamp(-FURTHEST, FURTHEST), there.unsqueeze(-1)],
             dim=-1,
         )
         frames = self.frame(seen) * there.unsqueeze(-1)

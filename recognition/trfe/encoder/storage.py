@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from recognition.trfe.encoder.config import Architecture, Sizes, TokenArchitecture
+from recognition.trfe.encoder.inference import CONFIG, FORMAT, TOKENS, WEIGHTS
 from recognition.trfe.encoder.model import Encoder, untrained
 from recognition.trfe.encoder.training import deterministic, device, mixed
 from recognition.trfe.inputs.grids import Grid
@@ -24,9 +25,7 @@ from recognition.trfe.training.windows import Inputs, View, Windows
 from schemas.common.errors import InvalidFile, ToolchainError, reason
 from schemas.common.storage import keep, read_object, writing
 
-_WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
-_FORMAT = "xosc-toolchain encoder 3"
-_TOKENS, _GRIDS = "tokens", "grids"
+_GRIDS = "grids"
 Tensors = dict[str, torch.Tensor]
 
 
@@ -39,9 +38,9 @@ def save(encoder: Encoder, folder: Path) -> None:
     from safetensors import torch as safetensors
 
     config = {
-        "format": _FORMAT,
+        "format": FORMAT,
         "architecture": vars(encoder.architecture),
-        "reads": _TOKENS if isinstance(encoder.view, Tokens) else _GRIDS,
+        "reads": TOKENS if isinstance(encoder.view, Tokens) else _GRIDS,
         "view": asdict(encoder.view),
         "classes": list(encoder.classes),
     }
@@ -50,8 +49,8 @@ def save(encoder: Encoder, folder: Path) -> None:
         for name, value in encoder.state_dict().items()
     }
     with writing("the encoder", folder):
-        keep((json.dumps(config, indent=1) + "\n").encode(), folder / _CONFIG)
-        keep(safetensors.save(weights), folder / _WEIGHTS)
+        keep((json.dumps(config, indent=1) + "\n").encode(), folder / CONFIG)
+        keep(safetensors.save(weights), folder / WEIGHTS)
 
 
 def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encoder:
@@ -65,9 +64,9 @@ def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encod
     Raises:
         InvalidFile: a file is missing, truncated, or not an encoder's.
     """
-    path = folder / _WEIGHTS
+    path = folder / WEIGHTS
     weights = _weights(path)
-    encoder = _untrained(folder / _CONFIG, weights, path, architecture)
+    encoder = _untrained(folder / CONFIG, weights, path, architecture)
     encoder.load_state_dict(weights)
     return encoder.to(device()).eval()
 
@@ -105,17 +104,17 @@ def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture])
     are of its shapes."""
     config = read_object(path)
     try:
-        if config["format"] != _FORMAT:
-            raise ValueError(f"its format is {config['format']!r}, {_FORMAT!r} is expected")
+        if config["format"] != FORMAT:
+            raise ValueError(f"its format is {config['format']!r}, {FORMAT!r} is expected")
         sizes, values = _tuples(config["architecture"]), _tuples(config["view"])
         architecture: Sizes
         view: View
-        if config["reads"] == _TOKENS:
+        if config["reads"] == TOKENS:
             architecture, view = TokenArchitecture(**sizes), Tokens(**values)
         elif config["reads"] == _GRIDS:
             architecture, view = kind(**sizes), Grid(**values)
         else:
-            raise ValueError(f"it reads {config['reads']!r}, neither {_TOKENS} nor {_GRIDS}")
+            raise ValueError(f"it reads {config['reads']!r}, neither {TOKENS} nor {_GRIDS}")
         classes = [int(label) for label in config["classes"]]
         if architecture.depth > len(weights):
             raise ValueError(

@@ -1,5 +1,5 @@
 """Random forests that vote on classes: votes, distances to neighbours as features, path similarity
-(RFAP)."""
+(RFAP). scikit-learn is imported where trees are grown only."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.ensemble import RandomForestClassifier, RandomTreesEmbedding
-from sklearn.tree import BaseDecisionTree
 
+from recognition.trfe.forest.trees import Trees
 from recognition.trfe.inputs.samples import (
     UNKNOWN,
     Features,
@@ -30,7 +29,7 @@ def forest(
     trees: int = TREES,
     seed: int = 0,
     background: Features | None = None,
-) -> RandomForestClassifier:
+) -> Trees:
     """A forest of `trees` trees fitted on features (n, d) and labels (n,) of at least two classes.
 
     Args:
@@ -42,6 +41,8 @@ def forest(
     Raises:
         UsageError: features that are not finite, or labels of fewer than two classes.
     """
+    from sklearn.ensemble import RandomForestClassifier  # a second, which voting does not need
+
     table = matrix(features)
     known = class_labels(labels, len(table), least_classes=2)
     if background is not None:
@@ -49,7 +50,7 @@ def forest(
             np.concatenate([table, background]),
             np.append(known, np.full(len(background), UNKNOWN)),
         )
-    return RandomForestClassifier(trees, random_state=seed, n_jobs=-1).fit(table, known)
+    return Trees.of(RandomForestClassifier(trees, random_state=seed, n_jobs=-1).fit(table, known))
 
 
 def background_of(features: Features, seed: int) -> Features:
@@ -68,23 +69,6 @@ def background_of(features: Features, seed: int) -> Features:
     axes = np.linalg.eigh(standard.T @ standard)[1]
     halves = random.permuted(standard, axis=0), random.permuted(standard @ axes, axis=0) @ axes.T
     return (np.concatenate(halves) * scale + mean).astype(np.float32)
-
-
-def votes(forest: RandomForestClassifier, features: ArrayLike) -> IntArray:
-    """Votes (n, K) for features (n, d); the columns are the known classes of the forest, ascending.
-
-    A row adds up to the number of trees, less those that vote for the background.
-
-    Raises:
-        UsageError: features that are not finite, or not of the dimension of the forest.
-    """
-    table = matrix(features, forest.n_features_in_)
-    counts = np.zeros((len(table), len(forest.classes_)), dtype=np.int64)
-    rows = np.arange(len(table))
-    for tree in forest.estimators_:
-        # Hard votes of trees: their spread over classes is a feature, which mean probabilities blur.
-        counts[rows, tree.tree_.value[tree.tree_.apply(table), 0].argmax(axis=1)] += 1
-    return counts[:, forest.classes_ != UNKNOWN]
 
 
 _NEAREST = 3
@@ -207,32 +191,31 @@ class VotingForest(NamedTuple):
     Args:
         trees: fitted on features, or on features with distances beside them.
         neighbours: to which distances are measured; None where the trees see features alone.
-        stored: content of the file that the trees were read from; None for trees that no file has
-            yet.
     """
 
-    trees: RandomForestClassifier
+    trees: Trees
     neighbours: Neighbours | None
-    stored: bytes | None = None
 
     @property
     def classes(self) -> IntArray:
         """Labels of the known classes, ascending."""
-        classes = np.asarray(self.trees.classes_)
-        return classes[classes != UNKNOWN]
+        return self.trees.classes[self.trees.classes != UNKNOWN]
 
     def vote(self, features: ArrayLike) -> Votes:
-        """Votes on features (n, d), see `recognition.trfe.forest.votes`, and distances to the known
-        classes."""
+        """Votes on features (n, d), see `Trees.votes`, and distances to the known classes."""
         seen, classes = self.inputs(features), len(self.classes)
         distances = (
             np.exp(seen[:, -classes:].min(axis=1).astype(np.float64)) if self.neighbours else None
         )
-        return Votes(votes(self.trees, seen), distances)
+        return Votes(self.trees.votes(seen), distances)
 
     def inputs(self, features: ArrayLike) -> Features:
         """Return the trees' inputs for features (n, d)."""
-        return self.neighbours.extended(features) if self.neighbours else matrix(features)
+        return _inputs(self.neighbours, features)
+
+
+def _inputs(neighbours: Neighbours | None, features: ArrayLike) -> Features:
+    return neighbours.extended(features) if neighbours else matrix(features)
 
 
 def grow(
@@ -258,9 +241,8 @@ def grow(
         UsageError: features that are not finite, or labels of fewer than two classes.
     """
     near = Neighbours.fit(features, labels, seed) if neighbours else None
-    bare = VotingForest(RandomForestClassifier(), near)
-    around = bare.inputs(background_of(features, seed)) if background else None
-    return bare._replace(trees=forest(bare.inputs(features), labels, trees, seed, around))
+    around = _inputs(near, background_of(features, seed)) if background else None
+    return VotingForest(forest(_inputs(near, features), labels, trees, seed, around), near)
 
 
 _ROWS, _TREES = 128, 16
@@ -268,50 +250,36 @@ _ROWS, _TREES = 128, 16
 to them; more trees at a time would need more memory for their overlaps."""
 
 
-def similarity(
-    forest: RandomForestClassifier | RandomTreesEmbedding, features: ArrayLike
-) -> NDArray[np.float32]:
+def similarity(trees: Trees, features: ArrayLike) -> NDArray[np.float32]:
     """S (n, n) in (0, 1] for features (n, d): symmetric, 1 on its diagonal.
 
     Raises:
-        UsageError: features that are not finite, or not of the dimension of the forest.
+        UsageError: features that are not finite, or not of the dimension of the trees.
     """
-    table = matrix(features, forest.n_features_in_)
-    total = np.zeros((len(table), len(table)), dtype=np.float32)
-    trees = forest.estimators_
-    for chunk in (trees[start : start + _TREES] for start in range(0, len(trees), _TREES)):
-        paths = [_overlap(tree, table) for tree in chunk]
-        for start in range(0, len(table), _ROWS):
+    places = trees.leaves(features)
+    total = np.zeros((len(places), len(places)), dtype=np.float32)
+    for first in range(0, trees.count_of_trees, _TREES):
+        paths = []
+        for tree in range(first, min(first + _TREES, trees.count_of_trees)):
+            # Samples in the same leaf share their path: one product for each leaf is enough.
+            reached, leaf = np.unique(places[:, tree], return_inverse=True)
+            paths.append((trees.overlap(tree, reached), leaf))
+        for start in range(0, len(places), _ROWS):
             rows = slice(start, start + _ROWS)
             part = np.empty_like(total[rows])
             for overlap, leaf in paths:
                 total[rows] += np.take(overlap[leaf[rows]], leaf, axis=1, out=part, mode="clip")
-    return total / np.float32(len(trees))
+    return total / np.float32(trees.count_of_trees)
 
 
-def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float32], IntArray]:
-    """Overlap (L, L) of the paths to the L leaves that are reached, and the leaf (n,) of each
-    sample.
-
-    Samples in the same leaf share their path, so one sample of each leaf is enough for the product
-    Z_b Z_bᵀ.
-    """
-    _, first, leaf = np.unique(tree.tree_.apply(table), return_index=True, return_inverse=True)
-    path = tree.tree_.decision_path(table[first]).astype(np.float32)
-    common = (path @ path.T).toarray()
-    length = common.diagonal()
-    return common / (length[:, None] + length[None, :] - common), leaf
-
-
-def random_trees(
-    features: ArrayLike, trees: int = 250, depth: int = 8, seed: int = 0
-) -> RandomTreesEmbedding:
+def random_trees(features: ArrayLike, trees: int = 250, depth: int = 8, seed: int = 0) -> Trees:
     """Completely random trees grown on features (n, d) without labels: the unsupervised forest for
     `similarity`.
 
     Source: Geurts, Ernst, Wehenkel, "Extremely Randomized Trees" (Machine Learning 63, 2006), in
     their unsupervised form.
     """
-    return RandomTreesEmbedding(trees, max_depth=depth, random_state=seed).fit(
-        matrix(features, least=2)
-    )
+    from sklearn.ensemble import RandomTreesEmbedding
+
+    table = matrix(features, least=2)
+    return Trees.of(RandomTreesEmbedding(trees, max_depth=depth, random_state=seed).fit(table))

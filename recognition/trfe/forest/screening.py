@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import xlogy
-from scipy.stats import genpareto
 
 from recognition.trfe.inputs.samples import UNKNOWN, class_labels
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -206,7 +205,18 @@ def survival(
     that of the tail."""
     empirical = 1.0 - np.searchsorted(calibrated, values) / len(calibrated)
     excess = values - limit
-    return np.where(excess <= 0.0, empirical, TAIL * genpareto.sf(excess, shape, scale=scale))
+    return np.where(
+        excess <= 0.0, empirical, TAIL * _beyond(np.maximum(excess, 0.0) / scale, shape)
+    )
+
+
+def _beyond(excess: FloatArray, shape: float) -> FloatArray:
+    """Survival of the generalised Pareto distribution of scale 1: (1 + ξx)^(−1/ξ), e^(−x) for ξ = 0,
+    and 0 where the distribution ends."""
+    if shape == 0.0:
+        return np.exp(-excess)
+    with np.errstate(divide="ignore"):
+        return np.exp(-np.log1p(np.maximum(shape * excess, -1.0)) / shape)
 
 
 def tail(excesses: FloatArray) -> tuple[float, float]:
@@ -214,6 +224,8 @@ def tail(excesses: FloatArray) -> tuple[float, float]:
     exponential one if few."""
     if len(excesses) < _FEWEST_EXCEEDANCES:
         return 0.0, float(excesses.mean()) if len(excesses) else 1.0
+    from scipy.stats import genpareto  # half a second, for fitting alone
+
     shape, _, scale = genpareto.fit(excesses, floc=0.0)
     return float(shape), float(scale)
 

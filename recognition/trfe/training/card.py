@@ -289,7 +289,7 @@ def decision(model: TRFE) -> str:
     """Rule by which a model takes windows for a class, or for unknown."""
     known = model.known
     trees, features = (
-        len(known.forest.trees.estimators_),
+        known.forest.trees.count_of_trees,
         sum(encoder.architecture.dim for encoder in model.encoders),
     )
     changes = len(known.prototypes.mean) - features

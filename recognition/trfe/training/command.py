@@ -26,6 +26,7 @@ from schemas.common.terminal.text import markdown
 if TYPE_CHECKING:
     from recognition.trfe.config import Config
     from recognition.trfe.encoder.config import Preset
+    from recognition.trfe.encoder.inference import StoredEncoder
     from recognition.trfe.encoder.model import Encoder
     from recognition.trfe.encoder.training import Progress
     from recognition.trfe.training.windows import Split, View, Windows
@@ -193,7 +194,7 @@ def encoders_of(
 def fitted(
     windows: Windows,
     parts: Split,
-    encoders: Sequence[Encoder],
+    encoders: Sequence[Encoder | StoredEncoder],
     settings: Config,
     most: int | None,
     judged: Windows,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
+from recognition.trfe.discovery.candidates import Clustering
 from recognition.trfe.discovery.clustering import (
-    Clustering,
     Clusters,
     NovelHead,
     Pairs,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sklearn.ensemble import RandomForestClassifier
+from sklearn.ensemble import RandomForestClassifier, RandomTreesEmbedding
 
 from recognition.trfe.forest import forest, random_trees, similarity
+from recognition.trfe.forest.trees import Trees
 from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
@@ -29,12 +30,12 @@ def test_two_trees_by_hand() -> None:
     features = np.array([[0.0], [1.0], [2.0]])
     grown = RandomForestClassifier(2, bootstrap=False, random_state=0).fit(features, [1, 2, 1])
     shapes = [tree.tree_.threshold[0] for tree in grown.estimators_]
-    found = similarity(grown, features)
+    found = similarity(Trees.of(grown), features)
     assert shapes == [0.5, 0.5] or set(shapes) <= {0.5, 1.5}
     assert found.diagonal().tolist() == [1.0, 1.0, 1.0]
     assert found == pytest.approx(naive(grown, features))
     stump = RandomForestClassifier(2, bootstrap=False, random_state=0).fit(features, [1, 2, 2])
-    assert similarity(stump, features) == pytest.approx(
+    assert similarity(Trees.of(stump), features) == pytest.approx(
         np.array([[1, 1 / 3, 1 / 3], [1 / 3, 1, 1], [1 / 3, 1, 1]])
     )
 
@@ -42,9 +43,13 @@ def test_two_trees_by_hand() -> None:
 @pytest.mark.parametrize("unsupervised", [False, True])
 def test_it_is_the_double_loop(unsupervised: bool) -> None:
     features, labels = clouds([1, 2, 3], 60, seed=0, apart=1.0)
-    grown = random_trees(features, 12) if unsupervised else forest(features, labels, 12)
+    grown = (
+        RandomTreesEmbedding(12, max_depth=8, random_state=0).fit(features)
+        if unsupervised
+        else RandomForestClassifier(12, random_state=0).fit(features, labels)
+    )
     some = clouds([2, 3, 9], 50, seed=1, apart=1.0)[0]
-    found = similarity(grown, some)
+    found = similarity(Trees.of(grown), some)
     assert found.dtype == np.float32
     assert found == pytest.approx(naive(grown, some), abs=1e-5)
     assert np.array_equal(found, found.T)

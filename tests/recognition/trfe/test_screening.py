@@ -11,7 +11,7 @@ from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.forest import VotingForest, forest, grow, votes
+from recognition.trfe.forest import VotingForest, forest, grow
 from recognition.trfe.forest.known import Labelled, choose_delta, learn
 from recognition.trfe.forest.screening import EvtJoint, Screening, tail
 from recognition.trfe.inputs.samples import Features
@@ -48,7 +48,7 @@ def grown() -> RandomForestClassifier:
 def cast(grown: RandomForestClassifier) -> Cast:
     calibrating, labels = clouds(KNOWN, 150, seed=1, apart=APART)
     judged, truth = clouds(KNOWN + NEW, 150, seed=2, apart=APART)
-    return Cast(votes(grown, calibrating), labels, votes(grown, judged), truth)
+    return Cast(grown.votes(calibrating), labels, grown.votes(judged), truth)
 
 
 def two_classes(of_first: list[int], trees: int) -> tuple[IntArray, IntArray]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,16 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import skops.io
 from safetensors import safe_open
-from safetensors.numpy import save_file
-from sklearn.ensemble import RandomForestClassifier
-from sklearn.linear_model import LogisticRegression
+from safetensors.numpy import load_file, save_file
 
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.discovery.clustering import Clustering
+from recognition.trfe.discovery.candidates import Clustering
 from recognition.trfe.encoder.config import Architecture
 from recognition.trfe.encoder.model import GridEncoder
+from recognition.trfe.forest import forest
 from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.storage import load, save
 from recognition.trfe.trfe import TRFE
@@ -29,6 +26,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.strategies import average_linkage
 from tests.recognition.clouds import clouds
 
+FOREST = "forest.safetensors"
 CONFIG = Config(trees=40, delta=0.03, clustering=Clustering(epochs=5, ramp=5))
 
 
@@ -91,12 +89,7 @@ def test_a_forest_that_has_not_changed_is_written_as_it_was_read(
 ) -> None:
     read = load(folder)
     save(read, tmp_path / "again")
-    assert (tmp_path / "again" / "forest.skops").read_bytes() == (
-        folder / "forest.skops"
-    ).read_bytes()
-    assert (
-        load(tmp_path / "again").known.forest.trees is read.known.forest.trees
-    )  # not made of the same bytes anew
+    assert (tmp_path / "again" / FOREST).read_bytes() == (folder / FOREST).read_bytes()
     samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
     read.observe(samples, np.arange(len(samples)))
     read.expand(read.discover())
@@ -112,7 +105,7 @@ def test_a_model_can_be_read_by_whom_the_umask_lets(model: TRFE, tmp_path: Path)
     os.umask(before)
     assert {
         path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()
-    } == dict.fromkeys(("model.safetensors", "forest.skops"), "0o640")
+    } == dict.fromkeys(("model.safetensors", FOREST), "0o640")
 
 
 def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
@@ -173,138 +166,76 @@ def truncated(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def dumped(thing: Any) -> Callable[[Path], None]:
-    return lambda path: skops.io.dump(thing, path)
-
-
 def pickled(path: Path) -> None:
     import pickle
 
     path.write_bytes(pickle.dumps(Attack()))
 
 
-def calling(path: Path) -> None:
-    """A skops file whose schema asks for a call of os.system."""
-    schema = {
-        "__class__": "system", "__module__": "posix", "__loader__": "FunctionNode", "__id__": 1,
-        "content": {"module_path": "posix", "function": "system"}, "protocol": 2, "_skops_version": "0.11",
-    }  # fmt: skip
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("schema.json", json.dumps(schema))
-
-
-def broken_tree(path: Path) -> None:
-    """A forest whose first tree leads to a node that is not there."""
-    forest = skops.io.load(path, trusted=["sklearn.tree._tree.Tree"])
-    tree = forest.estimators_[0].tree_
-    state = tree.__getstate__()
-    state["nodes"]["left_child"][0] = 10**6
-    tree.__setstate__(state)
-    skops.io.dump(forest, path)
-
-
-def looping_tree(path: Path) -> None:
-    forest = skops.io.load(path, trusted=["sklearn.tree._tree.Tree"])
-    tree = forest.estimators_[0].tree_
-    state = tree.__getstate__()
-    state["nodes"]["left_child"][0] = 0
-    tree.__setstate__(state)
-    skops.io.dump(forest, path)
-
-
-def in_tree(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
-    """A change of what the file says of its first tree."""
+def in_trees(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
+    """A change of the arrays of a forest."""
 
     def spoil(path: Path) -> None:
-        with zipfile.ZipFile(path) as archive:
-            members = {name: archive.read(name) for name in archive.namelist()}
-        schema = json.loads(members["schema.json"])
-        change(
-            schema["content"]["content"]["estimators_"]["content"][0]["content"]["content"]["tree_"]
-        )
-        with zipfile.ZipFile(path, "w") as archive:
-            for name, content in (members | {"schema.json": json.dumps(schema).encode()}).items():
-                archive.writestr(name, content)
+        arrays = load_file(path)
+        change(arrays)
+        save_file(arrays, path)
 
     return spoil
 
 
-def outputs(tree: dict[str, Any]) -> dict[str, Any]:
-    """Number of outputs of a tree."""
-    found: dict[str, Any] = tree["__reduce__"]["args"]["content"][2]
-    return found
+def at(name: str, place: int, value: float) -> Callable[[Path], None]:
+    """Another value in an array of a forest."""
 
+    def change(arrays: dict[str, Any]) -> None:
+        wide = np.int64 if name != "threshold" else np.float64
+        arrays[name] = arrays[name].astype(wide)
+        arrays[name][place] = value
 
-def state(tree: dict[str, Any]) -> dict[str, Any]:
-    """Arrays of a tree."""
-    found: dict[str, Any] = tree["content"]["content"]
-    return found
-
-
-def bomb(path: Path) -> None:
-    """Little to read, but much to unpack; the test lowers what is too much."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("schema.json", b"\0" * 2**24)
+    return in_trees(change)
 
 
 def other_classes(path: Path) -> None:
-    features, labels = clouds([1, 2, 7], 20, seed=0)
-    skops.io.dump(RandomForestClassifier(10).fit(features, labels), path)
+    save_file(forest(*clouds([1, 2, 7], 20, seed=0), 10).arrays(), path)
 
 
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (Path.unlink, "No such file"),
-        (truncated, "not a zip file"),
-        (lambda path: path.write_bytes(b""), "not a zip file"),
-        (pickled, "not a zip file"),
-        (calling, "is no part of a forest"),
-        (dumped(Attack), "Attack is no part of a forest"),
+        (truncated, "this is no forest"),
+        (lambda path: path.write_bytes(b""), "this is no forest"),
+        (pickled, "this is no forest"),
+        (in_trees(lambda arrays: arrays.pop("left")), "there is no 'left'|left"),
+        (in_trees(lambda arrays: arrays.update(more=np.zeros(3))), "more"),
+        (in_trees(lambda arrays: arrays.update(left=np.zeros(3))), "left of its trees is no list"),
         (
-            dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])),
-            "LogisticRegression is no part of a forest",
+            in_trees(lambda arrays: arrays.update(feature=arrays["feature"][:-1])),
+            "its trees are broken",
         ),
-        (dumped({"a": 1}), "it is a dict"),
-        (dumped(RandomForestClassifier(3)), "this is no forest"),
-        (broken_tree, "one of its trees is broken"),
-        (looping_tree, "one of its trees is broken"),
-        (
-            in_tree(lambda tree: outputs(tree).update(content="1000000000")),
-            "one of its trees is broken",
-        ),
-        (in_tree(lambda tree: outputs(tree).update(content="true")), "a number is expected"),
-        (
-            in_tree(lambda tree: state(tree)["node_count"].update(content="1000000000")),
-            "one of its trees is broken",
-        ),
-        (in_tree(lambda tree: state(tree)["nodes"].update(type="json")), "an array is expected"),
-        (bomb, "it is too large"),
+        (at("starts", 1, 0), "its trees are broken"),
+        (at("classes", 0, 5), "its trees are broken"),
+        (at("left", 0, 10**6), "one of its trees is broken"),
+        (at("left", 0, 0), "one of its trees is broken"),
+        (at("right", 0, -1), "one of its trees is broken"),
+        (at("feature", 0, 10**6), "one of its trees is broken"),
+        (at("choice", -1, 9), "one of its trees is broken"),
+        (at("threshold", 0, np.nan), "one of its trees is broken"),
+        (in_trees(lambda arrays: arrays.update(width=np.array(10**12))), "do not fit together"),
     ],
 )
 def test_foreign_forests_are_refused(
     folder: Path, spoil: Callable[[Path], Any], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recognition.trfe.storage.LARGEST", 2**23)
     monkeypatch.chdir(folder)
-    spoil(folder / "forest.skops")
+    spoil(folder / FOREST)
     with pytest.raises(InvalidFile, match=message) as caught:
         load(folder)
     assert "\n" not in str(caught.value)
-    assert "forest.skops" in str(caught.value)
     assert not (folder / "attacked").exists()
 
 
-def test_a_node_is_what_it_holds_and_not_another_one_of_its_number(folder: Path) -> None:
-    """skops would take the depth for the number of outputs."""
-    in_tree(lambda tree: outputs(tree).update(__id__=state(tree)["max_depth"]["__id__"]))(
-        folder / "forest.skops"
-    )
-    assert load(folder).known.forest.trees.estimators_[0].tree_.n_outputs == 1
-
-
 def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
-    other_classes(folder / "forest.skops")
+    other_classes(folder / FOREST)
     with pytest.raises(InvalidFile, match="do not fit together: they are of different classes"):
         load(folder)
 

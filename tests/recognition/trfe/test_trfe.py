@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.discovery.candidates import Buffer
-from recognition.trfe.discovery.clustering import Clustering
+from recognition.trfe.discovery.candidates import Buffer, Clustering
 from recognition.trfe.forest.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
 from recognition.trfe.forest.screening import EvtJoint
 from recognition.trfe.inputs.samples import BACKGROUND, UNKNOWN, Features

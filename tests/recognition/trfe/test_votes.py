@@ -6,20 +6,21 @@ import numpy as np
 import pytest
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.trfe.forest import background_of, forest, votes
+from recognition.trfe.forest import background_of, forest
+from recognition.trfe.forest.trees import Trees
 from schemas.common.errors import UsageError
 from tests.recognition.clouds import clouds
 
 
 def test_votes_are_the_choices_of_the_trees() -> None:
     features, labels = clouds([3, 7, 12], 40, seed=0, apart=1.0)
-    grown = forest(features, labels, trees=20, seed=1)
+    grown = RandomForestClassifier(20, random_state=1).fit(features, labels)
     chosen = grown.classes_[
         np.stack([tree.predict(features).astype(int) for tree in grown.estimators_])
     ]
     expected = np.stack([(chosen == label).sum(axis=0) for label in (3, 7, 12)], axis=1)
-    assert np.array_equal(votes(grown, features), expected)
-    assert (votes(grown, features).sum(axis=1) == 20).all()
+    assert np.array_equal(Trees.of(grown).votes(features), expected)
+    assert (Trees.of(grown).votes(features).sum(axis=1) == 20).all()
 
 
 def test_votes_are_not_mean_probabilities() -> None:
@@ -29,7 +30,7 @@ def test_votes_are_not_mean_probabilities() -> None:
     grown = RandomForestClassifier(8, bootstrap=False, max_depth=1, random_state=0).fit(
         features, labels
     )
-    assert votes(grown, features[[0, 3]]).tolist() == [[8, 0], [0, 8]]
+    assert Trees.of(grown).votes(features[[0, 3]]).tolist() == [[8, 0], [0, 8]]
     assert grown.predict_proba(features[[0, 3]]) == pytest.approx(
         np.array([[2 / 3, 1 / 3], [1 / 3, 2 / 3]])
     )
@@ -37,9 +38,7 @@ def test_votes_are_not_mean_probabilities() -> None:
 
 def test_a_seed_decides_the_forest() -> None:
     features, labels = clouds([1, 2], 50, seed=0, apart=1.0)
-    first, again, other = (
-        votes(forest(features, labels, 10, seed), features) for seed in (4, 4, 5)
-    )
+    first, again, other = (forest(features, labels, 10, seed).votes(features) for seed in (4, 4, 5))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
@@ -47,10 +46,10 @@ def test_a_seed_decides_the_forest() -> None:
 def test_votes_for_the_background_are_left_out() -> None:
     features, labels = clouds([3, 7], 60, seed=0)
     grown = forest(features, labels, 20, background=background_of(features, 0))
-    assert grown.classes_.tolist() == [0, 3, 7]
+    assert grown.classes.tolist() == [0, 3, 7]
     around = np.random.default_rng(0).permuted(features, axis=0)
     for samples, most in ((features, 20), (around, 8)):
-        cast = votes(grown, samples)
+        cast = grown.votes(samples)
         assert cast.shape == (len(samples), 2)
         assert np.median(cast.sum(axis=1)) == pytest.approx(most, abs=8)
 
@@ -72,7 +71,7 @@ def test_the_background_is_like_the_samples_in_each_feature_but_not_together() -
 
 def test_no_samples_have_no_votes() -> None:
     features, labels = clouds([1, 2], 5, seed=0)
-    assert votes(forest(features, labels, 3), features[:0]).shape == (0, 2)
+    assert forest(features, labels, 3).votes(features[:0]).shape == (0, 2)
 
 
 @pytest.mark.parametrize(
@@ -93,4 +92,4 @@ def test_bad_samples_are_refused(spoil, message) -> None:
 def test_features_of_another_width_are_refused() -> None:
     features, labels = clouds([1, 2], 10, seed=0)
     with pytest.raises(UsageError, match="15 dimensions, the model was fitted on 16"):
-        votes(forest(features, labels, 2), features[:, 1:])
+        forest(features, labels, 2).votes(features[:, 1:])

@@ -7,8 +7,8 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.trfe.discovery.candidates import Clustering
 from recognition.trfe.discovery.clustering import (
-    Clustering,
     Pairs,
     Projection,
     cluster,

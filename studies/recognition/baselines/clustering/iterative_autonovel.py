@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.discovery.clustering import Clustering, Pairs, three_way_pairs
+from recognition.trfe.discovery.candidates import Clustering
+from recognition.trfe.discovery.clustering import Pairs, three_way_pairs
 from recognition.trfe.inputs.samples import Features
 from studies.recognition.baselines.clustering.iterative import IterativeMethod
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist, squareform
 
-from recognition.trfe.discovery.clustering import Clustering, Pairs, three_way_pairs
+from recognition.trfe.discovery.candidates import Clustering
+from recognition.trfe.discovery.clustering import Pairs, three_way_pairs
 from recognition.trfe.inputs.samples import Features
 from studies.recognition.baselines.clustering.iterative import IterativeMethod
 
