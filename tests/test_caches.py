@@ -36,6 +36,8 @@ CACHES = {
     "recognition.recordings.formats.nuscenes._document": FILE,
     "recognition.recordings.formats.nuscenes._table": FILE,
     "recognition.recordings.formats.osi._trace": FILE,
+    "recognition.recordings.formats.waymo_records._scene": FILE,
+    "recognition.recordings.formats.waymo_records._tables": VALUE,
     "recognition.recordings.road_sources._converted": FILE,
     "recognition.trfe.inputs.grids.picture": OBJECT,
     "recognition.scenes.lanes.graph": OBJECT,

@@ -1,26 +1,27 @@
-"""Waymo Open Motion scenes as GPUDrive's (and Nocturne's) JSON files: one scene a file, 91 steps at
-10 Hz.
+"""Waymo Open Motion scenes of 91 steps (or 20 s) at 10 Hz: the data set's own TFRecord files of
+Scenarios, and GPUDrive's (and Nocturne's) JSON files, one scene a file.
 
 Source: Ettinger et al., "Large Scale Interactive Motion Forecasting for Autonomous Driving: The
 Waymo Open Motion Dataset" (ICCV 2021); Kazemkhani et al., "GPUDrive" (ICLR 2025), and its public
 converter. `objects` have a type, a size, and lists of positions (middles of boxes, m), headings
 (rad) and velocities (m/s), which count where `valid` is true. `metadata.sdc_track_index` is the
 index of the recording vehicle. `roads` are lines: centre lines of lanes, marks, edges, crosswalks;
-`map_element_id` tells freeways. Which lanes follow each other or lie beside each other is not in
-the files, nor are speed limits. `tl_states` has the states of traffic lights by the ids of the
-lanes that they are for.
+`map_element_id` tells freeways. Which lanes follow each other is in TFRecord files only, as are
+speed limits. `tl_states` has the states of traffic lights by the ids of the lanes that they are for.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.recordings.formats import waymo_records
 from recognition.recordings.intake import Exclusion, Report
 from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.road_sources import drawn
@@ -40,10 +41,12 @@ from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_object
 
 FORMAT = "Waymo"
-TITLE = "Waymo Open Motion (GPUDrive's JSON)"
+TITLE = "Waymo Open Motion (TFRecord, GPUDrive's JSON)"
 BY_CONTENT = True
 _STEP = 0.1
 _HEAD = 4096
+_RECORDS = ".tfrecord"
+"""Part of the names of files of records, `training.tfrecord-00000-of-01000` among them"""
 _CATEGORIES = {
     "vehicle": "car",
     "pedestrian": "pedestrian",
@@ -62,7 +65,9 @@ _SHORTEST = 1.0
 
 
 def claims(path: Path) -> bool:
-    """Whether a file is a scene, by the first keys of its object."""
+    """Whether a file has scenes, by the first keys of its object or its first record."""
+    if _RECORDS in path.name:
+        return waymo_records.is_scenario(path)
     if path.suffix != ".json":
         return False
     try:
@@ -74,22 +79,49 @@ def claims(path: Path) -> bool:
     return b'"name"' in head and b'"objects"' in head and b'"position"' in head
 
 
+class _Scene(NamedTuple):
+    """A scene: its file, and its number among the records of this; None for JSON."""
+
+    path: Path
+    record: int | None
+
+    @property
+    def name(self) -> str:
+        """Name of the recording, and of its site."""
+        return self.path.stem if self.record is None else f"{self.path.name}_{self.record:04d}"
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Its objects, as GPUDrive has them."""
+        if self.record is None:
+            return read_object(self.path)
+        return waymo_records.scene(self.path, self.record)
+
+
 def sources(path: Path, roads: Path) -> list[Source]:
-    """The recording of a scene, which is a site of its own."""
-    road, ego, lights = partial(_road, path), partial(_ego, path), partial(_lights, path)
-    return [
-        Source(
-            path.stem,
-            path.stem,
-            FORMAT,
-            path,
-            partial(_read, path),
-            path,
-            road=road,
-            ego=ego,
-            lights=lights,
-        )
-    ]
+    """The recordings of the scenes of a file, each of which is a site of its own.
+
+    Raises:
+        InvalidFile: a file of records is cut short.
+    """
+    numbers: list[int | None] = (
+        [*range(len(waymo_records.places(path)))] if _RECORDS in path.name else [None]
+    )
+    return [_source(_Scene(path, number)) for number in numbers]
+
+
+def _source(scene: _Scene) -> Source:
+    return Source(
+        scene.name,
+        scene.name,
+        FORMAT,
+        scene.path,
+        partial(_read, scene),
+        scene.path,
+        road=partial(_road, scene),
+        ego=partial(_ego, scene),
+        lights=partial(_lights, scene),
+    )
 
 
 class _SceneObject(NamedTuple):
@@ -100,10 +132,9 @@ class _SceneObject(NamedTuple):
     values: FloatArray
 
 
-def _ego(path: Path) -> str | None:
+def _ego(scene: _Scene) -> str | None:
     """Name of the recording vehicle of a scene; None where it has none."""
-    document = read_object(path)
-    return _name_of_ego(document, path)
+    return _name_of_ego(scene.document, scene.path)
 
 
 def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
@@ -120,8 +151,8 @@ def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
     return str(objects[index].get("id"))
 
 
-def _read(path: Path) -> tuple[Recording, Report]:
-    document = read_object(path)
+def _read(scene: _Scene) -> tuple[Recording, Report]:
+    document, path = scene.document, scene.path
     ego = _name_of_ego(document, path)
     objects, exclusions, oversized = [], [], []
     for number, one in enumerate(document["objects"], 1):
@@ -174,15 +205,16 @@ def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
     return [f"{count} lanes have traffic lights"]
 
 
-def _lights(path: Path) -> LightStates | None:
+def _lights(scene: _Scene) -> LightStates | None:
     """States of the traffic lights of a scene; None without any.
 
     Raises:
         InvalidFile: a light has other numbers of states than of places or steps, or a place is no
             number.
     """
+    path = scene.path
     lights, x, y, steps = [], [], [], 0
-    for lane, one in _lit_lanes(read_object(path), path).items():
+    for lane, one in _lit_lanes(scene.document, path).items():
         element = f"traffic light of lane {lane}"
         if not isinstance(one, dict):
             raise InvalidFile("an object is expected", path=path, element=element)
@@ -305,8 +337,9 @@ def _elements(
         yield str(one.get("id", f"r{number}")), value(one, "type", str, path, f"road {number}"), one
 
 
-def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
-    """The road of a scene's lines: successors, neighbours and widths of its lanes are inferred.
+def _road(scene: _Scene, _recording: Recording, folder: Path) -> SiteRoad:
+    """The road of a scene's lines: neighbours and widths of its lanes are inferred, and successors
+    where the scene does not give them.
 
     Raises:
         InvalidFile: there is no lane, or a line is malformed.
@@ -315,7 +348,7 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
     from xodr.formats.lanelet2.lanelet import lengths
     from xodr.formats.lanelet2.reader import Crosswalk
 
-    document = read_object(path)
+    document, path = scene.document, scene.path
     lit = {*_lit_lanes(document, path)}
     lanes, edges, crosswalks, short = [], [], [], []
     for name, kind, one in _elements(document, path):
@@ -337,23 +370,32 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
                 "biking" if number == _BIKE_LANE else "driving",
                 "motorway" if number == _FREEWAY else "town",
             )
+            limit, exits = float(one.get("speed_limit", math.inf)), one.get("exits")
+            successors = None if exits is None else tuple(exits)
             lanes.append(
-                CentreLine(name, line, *types, math.inf, None, (name,) if name in lit else ())
+                CentreLine(name, line, *types, limit, successors, (name,) if name in lit else ())
             )
     if not lanes:
         raise InvalidFile(
             "the scene has no lanes, so its roads are unknown", path=path, element="roads"
         )
-    lanelets, inferred = lanelets_of(lanes, edges)
-    notes = [
-        "the map gives no speed limits; freeways are taken for motorways, other roads for those of a town"
+    known = {lane.id for lane in lanes}
+    lanes = [
+        lane
+        if lane.successors is None
+        else replace(lane, successors=tuple(one for one in lane.successors if one in known))
+        for lane in lanes
     ]
+    lanelets, inferred = lanelets_of(lanes, edges)
+    notes = ["freeways are taken for motorways, other roads for those of a town"]
+    if all(math.isinf(lane.speed_limit) for lane in lanes):
+        notes.insert(0, "the map gives no speed limits")
     notes += (
         [f"lanes of less than {_SHORTEST:g} m are left out: {' '.join(short)}"] if short else []
     )
     return drawn(
         lanelets,
-        path.stem,
+        scene.name,
         folder,
         [crosswalk for crosswalk in crosswalks if len(crosswalk.outline) > 2],
         [*notes, *inferred],
