@@ -97,7 +97,7 @@ def xosc_run(
         if in_arrays and batch.in_arrays is None and not batch.dry_run:
             table.tell(
                 f"{source.total} sets: played in arrays, failures and nearest misses are recorded; "
-                "--no-arrays runs and records each"
+                "--no-batch runs and records each"
             )
         if in_arrays and settings.world != "kinematic" and not batch.dry_run:
             table.tell(

@@ -122,7 +122,7 @@ WALKS = {
         lambda _: (
             "xosc-run",
             "simple_cut_in_variation",
-            "--arrays",
+            "--batch",
             "--world",
             "kinematic",
             "--sut",

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from runner.systems import SystemUnderTest as SystemUnderTest
     from runner.systems import load_system as load_system
     from runner.systems import systems as systems
-    from runner.systems.arrays import ArrayControl as ArrayControl
-    from runner.systems.arrays import ArrayObservation as ArrayObservation
+    from runner.systems.arrays import BatchControl as BatchControl
+    from runner.systems.arrays import BatchObservation as BatchObservation
     from runner.view.replay.notebook import show as show
     from runner.view.replay.player import write_replay as replay
     from runner.view.report import write_report as report
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     __version__: str
 else:
     _HOMES = {
-        "ArrayControl": "runner.systems.arrays",
-        "ArrayObservation": "runner.systems.arrays",
+        "BatchControl": "runner.systems.arrays",
+        "BatchObservation": "runner.systems.arrays",
         "Control": "runner.systems",
         "Criticality": "runner.judging.measures.criticality",
         "Document": "xosc",
@@ -110,8 +110,8 @@ else:
 
 __all__ = [
     "TRFE",
-    "ArrayControl",
-    "ArrayObservation",
+    "BatchControl",
+    "BatchObservation",
     "Control",
     "Criticality",
     "Document",

@@ -24,7 +24,7 @@ from runner.batch.pool import Pool
 from runner.engine.motion.rss import parameter_set
 from runner.judging.result import INCONCLUSIVE
 from runner.judging.settings import RunSettings
-from runner.systems.arrays import ArrayControl, ArrayObservation, ArrayParticipants
+from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants
 from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.policy import limited
@@ -375,11 +375,11 @@ class FullBraking:
         """Forget the last run."""
         self._before, self._begun = {}, False
 
-    def reset_arrays(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Forget the last runs."""
         self._states, self._active = np.empty((0, 0, len(seeds))), np.zeros(len(seeds), bool)
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         run, ego, others = observations.run, observations.ego, observations.others
         names = ("speed", "x", "y", "z", "h")
@@ -403,7 +403,7 @@ class FullBraking:
                 active[who, row] |= abs(last - first) > _CHANGED
         self._active[run] |= active.any(axis=0)
         self._states[:, :, run] = now
-        return ArrayControl(np.full(len(run), -self.brake), self._active[run])
+        return BatchControl(np.full(len(run), -self.brake), self._active[run])
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Leave all to the scenario until the manoeuvre begins, then brake fully."""

@@ -172,7 +172,7 @@ class SearchSettings:
     plays: int | None = option(
         None,
         "Plays in arrays, about, which test the density and choose runs; 0 for none.  "
-        "[default: by --budget, fewer where the system has no control_arrays]",
+        "[default: by --budget, fewer where the system has no control_batch]",
         min=0,
         metavar="N",
     )

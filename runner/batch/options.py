@@ -132,7 +132,7 @@ class BatchOptions:
         None,
         "Play parameter sets in arrays, kinematically, where all elements can; record failures and nearest misses only. "
         "By default from 200 sets on in the kinematic world.",
-        "--arrays/--no-arrays",
+        "--batch/--no-batch",
     )
     ray: str | None = option(
         None,
@@ -183,7 +183,7 @@ class BatchOptions:
                 "--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run"
             )
         if self.in_arrays and self.dry_run:
-            raise UsageError("--arrays plays parameter sets, and --dry-run plays nothing")
+            raise UsageError("--batch plays parameter sets, and --dry-run plays nothing")
         self._check_comparison()
         self._check_reports()
 

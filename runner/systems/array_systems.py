@@ -1,10 +1,10 @@
-"""Any system under test in many runs at once: by its `control_arrays`, or run by run where it has
+"""Any system under test in many runs at once: by its `control_batch`, or run by run where it has
 none.
 
-`control_arrays(observations, dt)` gets `runner.systems.arrays.ArrayObservation` and returns a
-`ArrayControl`. A system that carries something from step to step has `reset_arrays(egos, timestep,
+`control_batch(observations, dt)` gets `runner.systems.arrays.BatchObservation` and returns a
+`BatchControl`. A system that carries something from step to step has `reset_batch(egos, timestep,
 seeds)` too, which is called once before, for all runs; places in its arrays are
-`observations.run`. A system without `control_arrays` is asked run by run, each run with an instance
+`observations.run`. A system without `control_batch` is asked run by run, each run with an instance
 of its own.
 """
 
@@ -17,9 +17,9 @@ from typing import Any
 from runner.systems import System, builder, class_name, find_system, is_foreign, system_name
 from runner.systems.arrays import (
     Answers,
-    ArrayObservation,
-    ArrayParticipants,
     ArraySystem,
+    BatchObservation,
+    BatchParticipants,
     checked,
 )
 from runner.systems.base import (
@@ -39,28 +39,28 @@ ONE_RUN = "one_run"
 
 
 class _Together(ArraySystem):
-    """One instance that decides in all runs by its `control_arrays`."""
+    """One instance that decides in all runs by its `control_batch`."""
 
     together = True
 
     def __init__(self, system: Any) -> None:
         self._system = system
 
-    def reset(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
-        """Call its `reset_arrays` where it has one."""
-        begin = getattr(self._system, "reset_arrays", None)
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Call its `reset_batch` where it has one."""
+        begin = getattr(self._system, "reset_batch", None)
         if begin is not None:
             try:
                 begin(egos, timestep, seeds)
             except RAISED as error:
-                raise self._failed("reset_arrays", error) from error
+                raise self._failed("reset_batch", error) from error
 
-    def control(self, observations: ArrayObservation, dt: float) -> Answers:
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
         """Return the system's answers, checked."""
         try:
-            return checked(self._system.control_arrays(observations, dt), len(observations.run))
+            return checked(self._system.control_batch(observations, dt), len(observations.run))
         except RAISED as error:
-            raise self._failed("control_arrays", error) from error
+            raise self._failed("control_batch", error) from error
 
     def close(self) -> None:
         """Call its `close` where it has one."""
@@ -92,7 +92,7 @@ class _OneByOne(ArraySystem):
         self._systems: dict[int, Any] = {}
         """By the numbers of their runs"""
 
-    def reset(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Reset as many new instances as runs."""
         self.close()
         for run, (ego, seed) in enumerate(zip(egos.participants(), seeds.tolist(), strict=True)):
@@ -102,7 +102,7 @@ class _OneByOne(ArraySystem):
             except RAISED:
                 self._end(run)
 
-    def control(self, observations: ArrayObservation, dt: float) -> Answers:
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
         """The answers of the instances."""
         seen = zip(observations.run.tolist(), observations.observations(), strict=True)
         return Answers.of([self._ask(run, observation, dt) for run, observation in seen])
@@ -138,12 +138,12 @@ def open_arrays(
 
     Args:
         sut: its name, with parameters as `cas:sensor_range=60`; or an instance, which has to have
-            `control_arrays`.
+            `control_batch`.
         in_process, limit: as of `runner.systems.open_system`.
 
     Raises:
         UsageError: no such system, or it can't be built.
-        Unsupported: it drives one run a process, or is an instance without `control_arrays`.
+        Unsupported: it drives one run a process, or is an instance without `control_batch`.
     """
     if isinstance(sut, str) and not in_process and is_foreign(sut):
         from runner.systems.isolation.boundary import isolated_arrays
@@ -158,7 +158,7 @@ def open_arrays(
         return _Together(first)
     if not isinstance(sut, str):
         raise Unsupported(
-            f"the system under test {name} is one instance without a control_arrays of its own: "
+            f"the system under test {name} is one instance without a control_batch of its own: "
             "many runs at once need its class by name"
         )
     return _OneByOne(_instances(first, build))
@@ -186,7 +186,7 @@ def _instances(first: System, build: Callable[[], System | None]) -> Iterator[Sy
 
 
 def decides_together(kind: type) -> bool:
-    """Whether a class has a `control_arrays` that belongs to its `control`, and a `reset_arrays` to
+    """Whether a class has a `control_batch` that belongs to its `control`, and a `reset_batch` to
     its `reset`.
 
     A class that derives from one of ours and overrides `control` alone has none: it would decide
@@ -194,9 +194,9 @@ def decides_together(kind: type) -> bool:
     """
     depth = {
         name: next((i for i, base in enumerate(kind.__mro__) if name in vars(base)), None)
-        for name in ("control", "control_arrays", "reset", "reset_arrays")
+        for name in ("control", "control_batch", "reset", "reset_batch")
     }
-    decides, begins = depth["control_arrays"], depth["reset_arrays"]
+    decides, begins = depth["control_batch"], depth["reset_batch"]
     if decides is None or depth["control"] is None or decides > depth["control"]:
         return False
     return begins is None or depth["reset"] is None or begins <= depth["reset"]

@@ -1,4 +1,4 @@
-"""Observations and controls of many runs at once: arrays over runs, for `control_arrays` of a system
+"""Observations and controls of many runs at once: arrays over runs, for `control_batch` of a system
 under test.
 
 Shapes: n runs, p participants beside the ego. What belongs to a run is (n,); what belongs to the
@@ -30,7 +30,7 @@ _ABSENT = Participant("", "", "", BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), per
 
 
 @dataclass(frozen=True, eq=False)
-class ArrayParticipants:
+class BatchParticipants:
     """Participants of n runs at one instant: the fields of `Participant`, each as an array.
 
     Those of the egos are (n,), those of the other participants (p, n).
@@ -92,16 +92,16 @@ class ArrayParticipants:
             for participant, there in zip(everyone, present, strict=True)
         ]
 
-    def take(self, runs: Any) -> ArrayParticipants:
+    def take(self, runs: Any) -> BatchParticipants:
         """The same of some of the runs: their places (m,), or a mask (n,)."""
-        return ArrayParticipants(*(_taken(getattr(self, name), (..., runs)) for name in _FIELDS))
+        return BatchParticipants(*(_taken(getattr(self, name), (..., runs)) for name in _FIELDS))
 
-    def row(self, number: int) -> ArrayParticipants:
+    def row(self, number: int) -> BatchParticipants:
         """The participant of that number in each run (n,), of arrays (p, n)."""
-        return ArrayParticipants(*(_taken(getattr(self, name), number) for name in _FIELDS))
+        return BatchParticipants(*(_taken(getattr(self, name), number) for name in _FIELDS))
 
 
-_FIELDS = tuple(field.name for field in fields(ArrayParticipants))
+_FIELDS = tuple(field.name for field in fields(BatchParticipants))
 
 
 def _taken(values: Any, at: Any) -> Any:
@@ -110,12 +110,12 @@ def _taken(values: Any, at: Any) -> Any:
     return values[at]
 
 
-class ArrayObservation(NamedTuple):
+class BatchObservation(NamedTuple):
     """Observations of a system under test in n runs, each at an instant of its own run.
 
     Args:
         run: number of each run (n,), ascending: the place of its state in arrays that
-            `reset_arrays` makes. Runs that are over, or in which the scenario has the ego, are
+            `reset_batch` makes. Runs that are over, or in which the scenario has the ego, are
             absent.
         time: simulation time (n,), s.
         ego: the participants driven, (n,).
@@ -138,8 +138,8 @@ class ArrayObservation(NamedTuple):
 
     run: IntArray
     time: FloatArray
-    ego: ArrayParticipants
-    others: ArrayParticipants
+    ego: BatchParticipants
+    others: BatchParticipants
     target_speed: FloatArray
     network: ObjectArray
     environment: ObjectArray
@@ -181,18 +181,18 @@ class ArrayObservation(NamedTuple):
             )
         ]
 
-    def take(self, places: Any) -> ArrayObservation:
+    def take(self, places: Any) -> BatchObservation:
         """The observations of some of the runs: their places (m,), or a mask (n,)."""
         parts: Any = (
             column.take(places)
-            if isinstance(column, ArrayParticipants)
+            if isinstance(column, BatchParticipants)
             else _taken(column, (..., places))
             for column in self
         )
-        return ArrayObservation(*parts)
+        return BatchObservation(*parts)
 
 
-def stack(observations: Sequence[Observation]) -> ArrayObservation:
+def stack(observations: Sequence[Observation]) -> BatchObservation:
     """The observations of as many runs, which are numbered from 0 on.
 
     Raises:
@@ -209,7 +209,7 @@ def stack(observations: Sequence[Observation]) -> ArrayObservation:
     lines = [observation.stop_line or StopLine("", np.inf) for observation in observations]
     distances: Any = np.array([line.distance for line in lines], float)
     signals: Any = objects([line.signal for line in lines])
-    return ArrayObservation(
+    return BatchObservation(
         np.arange(n),
         np.array([observation.time for observation in observations], float),
         stack_participants([observation.ego for observation in observations]),
@@ -224,7 +224,7 @@ def stack(observations: Sequence[Observation]) -> ArrayObservation:
 
 def stack_participants(
     participants: Sequence[Participant | None], shape: tuple[int, ...] | None = None
-) -> ArrayParticipants:
+) -> BatchParticipants:
     """Participants as arrays of a shape, (n,) where none is given; None where one is absent."""
     shape = shape or (len(participants),)
     everyone = [_ABSENT if participant is None else participant for participant in participants]
@@ -241,7 +241,7 @@ def stack_participants(
     present = np.array([participant is not None for participant in participants], bool).reshape(
         shape
     )
-    return ArrayParticipants(**values, present=present)
+    return BatchParticipants(**values, present=present)
 
 
 _TUPLES: dict[str, Any] = {"box": BoundingBox, "performance": Performance}
@@ -254,7 +254,7 @@ def objects(values: Sequence[Any]) -> ObjectArray:
 
 
 @dataclass(frozen=True, slots=True)
-class ArrayControl:
+class BatchControl:
     """Controls of n runs in this step, as `Control` is that of one; arrays have no reasons.
 
     Args:
@@ -266,8 +266,8 @@ class ArrayControl:
 
     Example:
         >>> import numpy as np
-        >>> from runner.systems.arrays import ArrayControl
-        >>> control = ArrayControl(np.array([-4.0, 0.0]), accelerates=np.array([True, False]))
+        >>> from runner.systems.arrays import BatchControl
+        >>> control = BatchControl(np.array([-4.0, 0.0]), accelerates=np.array([True, False]))
         >>> [control.control(place).acceleration for place in (0, 1)]
         [-4.0, None]
     """
@@ -294,7 +294,7 @@ class Answers(NamedTuple):
     """Checked answers of a system under test in n runs.
 
     Args:
-        acceleration, accelerates, steering, steers: as of `ArrayControl`, each an array (n,).
+        acceleration, accelerates, steering, steers: as of `BatchControl`, each an array (n,).
         unanswered: runs (n,) without a usable control: an error of the system there, a `Pose`, a
             number that is not finite. The interpreter is to play them alone, and names the reason.
     """
@@ -321,15 +321,15 @@ def _column(values: Sequence[float | None]) -> tuple[FloatArray, BoolArray]:
 
 
 def checked(control: object, n: int) -> Answers:
-    """The answers in n runs of a system's `control_arrays`.
+    """The answers in n runs of a system's `control_batch`.
 
     Raises:
-        TypeError: it is no ArrayControl, or holds something else than arrays of numbers.
+        TypeError: it is no BatchControl, or holds something else than arrays of numbers.
         ValueError: their shapes are not (n,), or a number that counts is not finite.
     """
-    if not isinstance(control, ArrayControl):
+    if not isinstance(control, BatchControl):
         raise TypeError(
-            f"control_arrays() returned {control!r}, a runner.systems.arrays.ArrayControl is expected"
+            f"control_batch() returned {control!r}, a runner.systems.arrays.BatchControl is expected"
         )
     acceleration, accelerates = _checked("acceleration", control.acceleration, control.accelerates, n)  # fmt: skip
     steering, steers = _checked("steering", control.steering, control.steers, n)
@@ -342,14 +342,14 @@ def _checked(what: str, values: Any, mask: Any, n: int) -> tuple[FloatArray, Boo
     numbers = np.asarray(values)
     counts = np.ones(n, bool) if mask is None else np.asarray(mask)
     if numbers.dtype.kind not in "fiu" or counts.dtype != np.bool_:
-        raise TypeError(f"control_arrays() returned {what} of other types than numbers and truths")
+        raise TypeError(f"control_batch() returned {what} of other types than numbers and truths")
     if numbers.shape != (n,) or counts.shape != (n,):
         shape = numbers.shape if numbers.shape != (n,) else counts.shape
-        raise ValueError(f"control_arrays() returned {what} of shape {shape}, ({n},) is expected")
+        raise ValueError(f"control_batch() returned {what} of shape {shape}, ({n},) is expected")
     if not (np.isfinite(numbers) | ~counts).all():
         place = int(np.flatnonzero(counts & ~np.isfinite(numbers))[0])
         raise ValueError(
-            f"control_arrays() returned {what} {numbers[place]} at place {place}, finite numbers are expected"
+            f"control_batch() returned {what} {numbers[place]} at place {place}, finite numbers are expected"
         )
     return np.where(counts, numbers, 0.0), counts
 
@@ -374,15 +374,15 @@ class ArraySystem(ABC):
     """Whether it decides in all runs by one call, not run by run"""
 
     @abstractmethod
-    def reset(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Begin N runs, with their egos (N,) and seeds (N,); timestep in s."""
 
     @abstractmethod
-    def control(self, observations: ArrayObservation, dt: float) -> Answers:
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
         """Decide for the coming dt (s) in the runs that are observed.
 
         Raises:
-            SystemUnderTestError: `control_arrays` raises an error, or returns something else than
+            SystemUnderTestError: `control_batch` raises an error, or returns something else than
                 finite numbers of the right shapes.
         """
 

@@ -38,7 +38,7 @@ from runner.engine.storyboard.driver import Decision, EgoDriver
 from runner.engine.worlds.base import DriverRequest
 from runner.engine.worlds.signals_ahead import StopLine, stop_line
 from runner.systems import System, system_name
-from runner.systems.arrays import ArrayObservation, ArrayParticipants, objects
+from runner.systems.arrays import BatchObservation, BatchParticipants, objects
 from runner.systems.base import (
     PEDAL,
     RAISED,
@@ -412,7 +412,7 @@ class ArraySystemDriver(RunRows):
     def begin(self, run: ArrayRun) -> None:
         """Reset the system, for all runs."""
         timestep, seeds = self._settings
-        egos = ArrayParticipants(**_constants([run.ego], run.n, ()), **_state([run.ego], ()))
+        egos = BatchParticipants(**_constants([run.ego], run.n, ()), **_state([run.ego], ()))
         self._system.reset(egos, timestep, seeds)
 
     def decide(self, run: ArrayRun, ego: EntityRows) -> FloatArray:
@@ -451,7 +451,7 @@ class ArraySystemDriver(RunRows):
         found: FloatArray = np.where(accelerates, driven, left)
         return found
 
-    def _observations(self, run: ArrayRun, ego: EntityRows, rows: IntArray) -> ArrayObservation:
+    def _observations(self, run: ArrayRun, ego: EntityRows, rows: IntArray) -> BatchObservation:
         n = run.n
         others = [entity for entity in run.entities.values() if entity is not ego]
         # The same objects in each step: a system in another process is sent them once.
@@ -467,11 +467,11 @@ class ArraySystemDriver(RunRows):
             }
         if self._constant["environment"][0] is not run.environment:
             self._constant["environment"] = run.environment, objects([run.environment] * n)
-        found = ArrayObservation(
+        found = BatchObservation(
             self._runs,
             np.full(n, run.time),
-            ArrayParticipants(**self._constant["ego"], **_state([ego], ())),
-            ArrayParticipants(**self._constant["others"], **_state(others, (len(others), n))),
+            BatchParticipants(**self._constant["ego"], **_state([ego], ())),
+            BatchParticipants(**self._constant["others"], **_state(others, (len(others), n))),
             ego.target_speed,
             self._constant["network"],
             self._constant["environment"][1],

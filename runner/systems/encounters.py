@@ -20,7 +20,7 @@ from runner.systems.base import Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation
+    from runner.systems.arrays import BatchObservation
 
 _OVERSHOT = 1.0
 """Distance (m) beyond a line at which a signal forbids to go on up to which one still stops at it.
@@ -109,7 +109,7 @@ def encounters(observation: Observation) -> Iterator[AheadParticipant]:
             yield _encounter(other.name, seen.y, spans(seen, other.box), ego.box, *speeds)
 
 
-def encounters_arrays(observations: ArrayObservation) -> tuple[BoolArray, AheadParticipant]:
+def encounters_arrays(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
     """Mask of participants that are ahead in many runs (p, n), and all of them as they are met
     there."""
     ego, others = observations.ego, observations.others
@@ -130,7 +130,7 @@ def stop_line(observation: Observation) -> AheadParticipant | None:
     return found if found.gap >= -_OVERSHOT else None
 
 
-def stop_line_arrays(observations: ArrayObservation) -> tuple[BoolArray, AheadParticipant]:
+def stop_line_arrays(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
     """The same in many runs (n,): where there is such a line, and all lines."""
     ego, away = observations.ego, np.asarray(observations.stop_line.distance)
     is_there = np.isfinite(away)

@@ -20,7 +20,7 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from runner.systems.arrays import Answers, ArrayObservation, ArrayParticipants, ArraySystem
+from runner.systems.arrays import Answers, ArraySystem, BatchObservation, BatchParticipants
 from runner.systems.base import (
     Control,
     Observation,
@@ -378,7 +378,7 @@ class IsolatedArrays(ArraySystem):
     """A class of the user in another process, in many runs at once.
 
     Args:
-        together: whether it has a `control_arrays`; if not, each of its instances has the time limit
+        together: whether it has a `control_batch`; if not, each of its instances has the time limit
             for its answer.
     """
 
@@ -388,12 +388,12 @@ class IsolatedArrays(ArraySystem):
         self._writer = ArrayWriter()
         self._open = True
 
-    def reset(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Begin the runs."""
         self._writer = ArrayWriter()
         self._ask(self._writer.begin(egos, timestep, seeds), len(seeds))
 
-    def control(self, observations: ArrayObservation, dt: float) -> Answers:
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
         """The answers of the system."""
         message = self._writer.step(observations, dt)
         return read_answers(self._ask(message, len(observations.run)))

@@ -36,7 +36,7 @@ from runner.engine.participants.declaration import BoundingBox, Performance
 from runner.engine.worlds.aspects import Aspect
 from runner.engine.worlds.signals_ahead import SignalAhead, StopLine
 from runner.engine.worlds.surroundings import Environment
-from runner.systems.arrays import Answers, ArrayObservation, ArrayParticipants, objects
+from runner.systems.arrays import Answers, BatchObservation, BatchParticipants, objects
 from runner.systems.base import Control, Observation, Participant, Pose
 from schemas.common.array_types import IntArray
 from xodr.graph.network import RoadNetwork
@@ -248,7 +248,7 @@ _TUPLES: dict[str, Any] = {"box": BoundingBox, "performance": Performance, "stop
 
 def _leaves(some: Any) -> Iterator[tuple[str, Any]]:
     """Arrays of an observation or of participants, with the path of their names."""
-    pairs = vars(some).items() if isinstance(some, ArrayParticipants) else some._asdict().items()
+    pairs = vars(some).items() if isinstance(some, BatchParticipants) else some._asdict().items()
     for name, value in pairs:
         if isinstance(value, np.ndarray):
             yield name, value
@@ -263,12 +263,12 @@ class ArrayWriter:
     def __init__(self) -> None:
         self._sent: dict[str, tuple[tuple[int, ...], Any]] = {}
 
-    def begin(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> bytes:
+    def begin(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> bytes:
         """The message that begins the runs; timestep in s."""
         head = {"timestep": timestep, "seeds": seeds.tolist()}
         return self._write(BEGIN_MANY, egos, head)
 
-    def step(self, observations: ArrayObservation, dt: float) -> bytes:
+    def step(self, observations: BatchObservation, dt: float) -> bytes:
         """The message of a step of dt (s)."""
         return self._write(STEP_MANY, observations, {"dt": dt})
 
@@ -301,12 +301,12 @@ class ArrayReader:
         self._networks: dict[str, RoadNetwork] = {}
         self._load = load
 
-    def begin(self, body: bytes) -> tuple[ArrayParticipants, float, IntArray]:
+    def begin(self, body: bytes) -> tuple[BatchParticipants, float, IntArray]:
         """The egos, the timestep (s) and the seeds of the runs."""
         head = self._read(body)
         return self._participants(""), head["timestep"], np.array(head["seeds"], np.int64)
 
-    def step(self, body: bytes) -> tuple[ArrayObservation, float]:
+    def step(self, body: bytes) -> tuple[BatchObservation, float]:
         """The observations of a step, and its length (s)."""
         head = self._read(body)
         parts: dict[str, Any] = {
@@ -314,10 +314,10 @@ class ArrayReader:
             "others": self._participants("others."),
             "stop_line": self._tuple("stop_line", ""),
         }
-        for name in ArrayObservation._fields:
+        for name in BatchObservation._fields:
             if name not in parts:
                 parts[name] = self._arrays[name]
-        return ArrayObservation(**parts), head["dt"]
+        return BatchObservation(**parts), head["dt"]
 
     def _read(self, body: bytes) -> dict[str, Any]:
         (length,) = _LENGTH.unpack_from(body, 1)
@@ -350,12 +350,12 @@ class ArrayReader:
             )
         return value
 
-    def _participants(self, path: str) -> ArrayParticipants:
+    def _participants(self, path: str) -> BatchParticipants:
         values = {
             name: self._tuple(name, path) if name in _TUPLES else self._arrays[path + name]
             for name in (*Participant._fields, "present")
         }
-        return ArrayParticipants(**values)
+        return BatchParticipants(**values)
 
     def _tuple(self, name: str, path: str) -> Any:
         kind = _TUPLES[name]

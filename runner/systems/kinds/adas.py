@@ -12,7 +12,7 @@ import numpy as np
 
 from runner.engine.participants.boxes import outlook, spans
 from runner.engine.participants.outlines import extents, seen_by
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     at_row,
@@ -25,7 +25,7 @@ from runner.systems.encounters import (
 from runner.systems.kinds.reference import HARDEST, JERK
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation, ArrayParticipants
+    from runner.systems.arrays import BatchObservation, BatchParticipants
     from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 Extent = tuple[Any, Any, Any, Any]
@@ -215,7 +215,7 @@ class DriverAssistance:
         )
         return Control(acceleration=after, reason=reason or "the way is free")
 
-    def reset_arrays(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Forget the last runs."""
         n = len(seeds)
         self._delayed = _Delayed(n, math.ceil(self.latency / timestep) + 2)
@@ -224,7 +224,7 @@ class DriverAssistance:
         """rows of the participants for which it brakes fully; −1 for none"""
         self._followers = np.zeros(n, bool)
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         forwards = (observations.ego.speed >= 0.0) & (observations.target_speed >= 0.0)
         wanted, acts = np.zeros(len(forwards)), np.zeros(len(forwards), bool)
@@ -232,9 +232,9 @@ class DriverAssistance:
         seen = observations if len(places) == len(forwards) else observations.take(places)
         if places.size:
             wanted[places], acts[places] = self._drive(seen, dt)
-        return ArrayControl(wanted, acts)
+        return BatchControl(wanted, acts)
 
-    def _drive(self, seen: ArrayObservation, dt: float) -> tuple[FloatArray, BoolArray]:
+    def _drive(self, seen: BatchObservation, dt: float) -> tuple[FloatArray, BoolArray]:
         """Acceleration (n,), and where it counts (n,), of egos that drive forwards."""
         run, ego = seen.run, seen.ego
         demand, is_full = self._delayed.pass_on(
@@ -278,7 +278,7 @@ class DriverAssistance:
             f"{lead.name} is {lead.gap:.1f} m ahead",
         )
 
-    def _decide_arrays(self, seen: ArrayObservation) -> tuple[FloatArray, BoolArray]:
+    def _decide_arrays(self, seen: BatchObservation) -> tuple[FloatArray, BoolArray]:
         """`_decide` in many runs (n,)."""
         run, speed = seen.run, seen.ego.speed
         sees, targets = self.targets_arrays(seen)
@@ -369,7 +369,7 @@ class DriverAssistance:
             if extent[1] >= half and self._sees(extent, half):
                 yield self._target(view.x, view.y, extent, ego, other, (c, s), curvature)
 
-    def targets_arrays(self, seen: ArrayObservation) -> tuple[BoolArray, RadarTarget]:
+    def targets_arrays(self, seen: BatchObservation) -> tuple[BoolArray, RadarTarget]:
         """Participants in many runs (p, n): a mask of those in the field of view, and all as
         targets."""
         ego, others = seen.ego, seen.others

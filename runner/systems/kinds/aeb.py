@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
@@ -20,7 +20,7 @@ from runner.systems.encounters import (
 )
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation, ArrayParticipants
+    from runner.systems.arrays import BatchObservation, BatchParticipants
     from schemas.common.array_types import IntArray
 
 SYSTEMS = {
@@ -88,18 +88,18 @@ class EmergencyBraking:
         )
         return Control(self.acceleration(self._stage), reason=reason)
 
-    def reset_arrays(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Forget the last runs."""
         self._stages = np.full(len(seeds), _FOLLOWS)
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         ahead, found = encounters_arrays(observations)
         time = np.where(ahead, self.threat(found), np.inf).min(axis=0, initial=np.inf)
         held = (ahead & self.holds(found, observations.ego.speed)).any(axis=0)
         stage = self.stage(time, held, self._stages[observations.run])
         self._stages[observations.run] = stage
-        return ArrayControl(self.acceleration(stage), stage != _FOLLOWS)
+        return BatchControl(self.acceleration(stage), stage != _FOLLOWS)
 
     def threat(self, found: AheadParticipant) -> Any:
         """Return the time (s) until the ego reaches the entity, if it is or will be in the path;

@@ -31,13 +31,13 @@ from runner.engine.participants.outlines import (
     seen_by,
     vertical_gap,
 )
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import choose
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation, ArrayParticipants
+    from runner.systems.arrays import BatchObservation, BatchParticipants
     from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _NOTHING = Control()
@@ -99,7 +99,7 @@ class _PairedParticipants(NamedTuple):
         return self.cos, self.sin
 
     @classmethod
-    def of(cls, some: ArrayParticipants, at: tuple[IntArray, ...]) -> _PairedParticipants:
+    def of(cls, some: BatchParticipants, at: tuple[IntArray, ...]) -> _PairedParticipants:
         """Participants at places of arrays."""
         x, y, z, h, speed, vx, vy = (
             column[at] for column in (some.x, some.y, some.z, some.h, some.speed, some.vx, some.vy)
@@ -163,7 +163,7 @@ class CollisionAvoidance:
                     return Control(acceleration=-way * self.brake, reason=danger)
         return _NOTHING
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         ego, others = observations.ego, observations.others
         ahead_first = np.where(ego.speed != 0.0, ego.speed, observations.target_speed)
@@ -175,7 +175,7 @@ class CollisionAvoidance:
         if row.size:
             pairs = _PairedParticipants.of(ego, (run,)), _PairedParticipants.of(others, (row, run))
             danger[run[self._dangers(*pairs, way[run])]] = True
-        return ArrayControl(-way * self.brake, danger)
+        return BatchControl(-way * self.brake, danger)
 
     def _dangers(
         self, ego: _PairedParticipants, other: _PairedParticipants, way: FloatArray

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
@@ -20,7 +20,7 @@ from runner.systems.encounters import (
 )
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation
+    from runner.systems.arrays import BatchObservation
 
 SYSTEMS = {
     "idm": (
@@ -73,14 +73,14 @@ class IntelligentDriver:
         reason = f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower"
         return Control(self.acceleration(found, speed, target), reason=reason)
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         speed, target = observations.ego.speed, observations.target_speed
         ahead, found = encounters_arrays(observations)
         ahead &= found.aside < self.clearance
         is_met, first = nearest(ahead, found, *stop_line_arrays(observations))
         acts = is_met & (speed >= 0.0) & (target >= 0.0)
-        return ArrayControl(self.acceleration(first, speed, target), acts)
+        return BatchControl(self.acceleration(first, speed, target), acts)
 
     def acceleration(self, found: AheadParticipant, speed: Any, target: Any) -> Any:
         """Return the model's acceleration behind an entity, at a speed and with a desired one

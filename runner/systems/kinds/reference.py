@@ -21,7 +21,7 @@ from runner.engine.motion.rss import (
     longitudinal_distance,
     parameter_set,
 )
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
@@ -36,7 +36,7 @@ from runner.systems.encounters import (
 )
 
 if TYPE_CHECKING:
-    from runner.systems.arrays import ArrayObservation, ArrayParticipants
+    from runner.systems.arrays import BatchObservation, BatchParticipants
     from schemas.common.array_types import IntArray
 
 SYSTEMS = {
@@ -128,13 +128,13 @@ class ReferenceDriver:
         )
         return Control(acceleration=-self._deceleration, reason=reason)
 
-    def reset_arrays(self, egos: ArrayParticipants, timestep: float, seeds: IntArray) -> None:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Forget the last runs."""
         n = len(seeds)
         self._waiting, self._braking = np.full(n, self.reaction), np.zeros(n)
         self._alarms = np.zeros(n, bool)
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         run, ego = observations.run, observations.ego
         ahead, found = encounters_arrays(observations)
@@ -150,7 +150,7 @@ class ReferenceDriver:
         self._alarms[run] |= danger
         stops = line_there & stops & ~danger
         wanted = np.where(danger, -braking, np.where(stops, -deceleration, 0.0))
-        return ArrayControl(wanted, self._alarms[run] | stops)
+        return BatchControl(wanted, self._alarms[run] | stops)
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
         """Whether a participant ahead calls for a reaction; of numbers or arrays."""

@@ -19,16 +19,16 @@ CUT_IN = LIBRARY / "cut_in_highway.xosc"
 MANEUVERS = ("cut_out", "lane_change_left", "car_following", "braking_leader", "free_cruise")
 OWN = """
 import numpy as np
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 
 class Own:
     def reset(self, ego, timestep, seed): ...
     def control(self, observation, dt):
         raise RuntimeError("is asked at once")
-    def control_arrays(self, observations, dt):
+    def control_batch(self, observations, dt):
         others, ego = observations.others, observations.ego
         near = (others.present & (np.abs(others.x - ego.x) < 25.0)).any(axis=0)
-        return ArrayControl(np.full(len(near), -6.0), accelerates=near)
+        return BatchControl(np.full(len(near), -6.0), accelerates=near)
 """
 
 

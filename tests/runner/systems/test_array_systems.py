@@ -15,7 +15,7 @@ from runner.engine.participants.declaration import BoundingBox
 from runner.engine.worlds.surroundings import Environment
 from runner.systems import Control, Observation, Participant
 from runner.systems.array_systems import decides_together, open_arrays
-from runner.systems.arrays import ArrayControl, ArrayObservation, ArrayParticipants, stack
+from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants, stack
 from runner.systems.base import SystemUnderTestError
 from runner.systems.isolation.messages import ArrayReader, ArrayWriter
 from runner.systems.kinds.commanded import SumoDriver
@@ -78,7 +78,7 @@ def test_nothing_can_not_be_stacked() -> None:
         stack([])
 
 
-def several(n: int) -> ArrayObservation:
+def several(n: int) -> BatchObservation:
     ego = Participant("Ego", "vehicle", "car", CAR, speed=10.0, vx=10.0)
     one = Observation(0.0, ego, (), 10.0, None, Environment())
     return stack([one] * n)
@@ -94,12 +94,12 @@ class Halving:
         self.wanted *= 0.5
         return Control(acceleration=(self.wanted - observation.ego.speed) / dt)
 
-    def reset_arrays(self, egos: ArrayParticipants, timestep: float, seeds: Any) -> None:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: Any) -> None:
         self.speeds = egos.speed.copy()
 
-    def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         self.speeds[observations.run] *= 0.5
-        return ArrayControl((self.speeds[observations.run] - observations.ego.speed) / dt)
+        return BatchControl((self.speeds[observations.run] - observations.ego.speed) / dt)
 
 
 def test_a_system_that_decides_in_arrays_keeps_the_state_of_runs_that_are_absent() -> None:
@@ -130,12 +130,12 @@ def test_one_without_is_asked_run_by_run_with_an_instance_each(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
-        (lambda n: None, "ArrayControl is expected"),
-        (lambda n: ArrayControl(np.zeros(n + 1)), r"acceleration of shape \(3,\)"),
-        (lambda n: ArrayControl(np.array([1.0, np.nan])), "acceleration nan at place 1"),
-        (lambda n: ArrayControl(np.array(["a", "b"])), "other types than numbers"),  # type: ignore[arg-type]
-        (lambda n: ArrayControl(np.zeros(n), np.zeros(n)), "other types than numbers"),  # type: ignore[arg-type]
-        (lambda n: ArrayControl(steering=np.zeros((n, 1))), r"steering of shape \(2, 1\)"),
+        (lambda n: None, "BatchControl is expected"),
+        (lambda n: BatchControl(np.zeros(n + 1)), r"acceleration of shape \(3,\)"),
+        (lambda n: BatchControl(np.array([1.0, np.nan])), "acceleration nan at place 1"),
+        (lambda n: BatchControl(np.array(["a", "b"])), "other types than numbers"),  # type: ignore[arg-type]
+        (lambda n: BatchControl(np.zeros(n), np.zeros(n)), "other types than numbers"),  # type: ignore[arg-type]
+        (lambda n: BatchControl(steering=np.zeros((n, 1))), r"steering of shape \(2, 1\)"),
         (lambda n: 1 / 0, "division by zero"),
     ],
 )
@@ -143,8 +143,8 @@ def test_a_fault_in_arrays_is_an_error_of_the_system_by_name(
     answer: Callable[[int], Any], told: str
 ) -> None:
     class Faulty(Halving):
-        def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
-            found: ArrayControl = answer(len(observations.run))
+        def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+            found: BatchControl = answer(len(observations.run))
             return found
 
         def control(self, observation: Observation, dt: float) -> Control:
@@ -153,14 +153,14 @@ def test_a_fault_in_arrays_is_an_error_of_the_system_by_name(
     system, many = open_arrays(Faulty()), several(2)
     assert system is not None
     system.reset(many.ego, 0.1, np.arange(2))
-    with pytest.raises(SystemUnderTestError, match=f"control_arrays .*Faulty failed: .*{told}"):
+    with pytest.raises(SystemUnderTestError, match=f"control_batch .*Faulty failed: .*{told}"):
         system.control(many, 0.1)
 
 
 def test_numbers_that_do_not_count_may_be_anything() -> None:
     class Masked(Halving):
-        def control_arrays(self, observations: ArrayObservation, dt: float) -> ArrayControl:
-            return ArrayControl(np.array([np.nan, -1.0]), np.array([False, True]))
+        def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+            return BatchControl(np.array([np.nan, -1.0]), np.array([False, True]))
 
     system = open_arrays(Masked())
     assert system is not None
@@ -180,7 +180,7 @@ def test_a_law_that_replaces_control_alone_does_not_drive_by_the_arrays_of_its_b
     assert decides_together(Halving)
     assert not decides_together(Mine)
     assert not decides_together(Begins)
-    with pytest.raises(Unsupported, match="without a control_arrays of its own"):
+    with pytest.raises(Unsupported, match="without a control_batch of its own"):
         open_arrays(Mine())
 
 
@@ -205,7 +205,7 @@ def test_names_are_those_of_one_run() -> None:
 
 
 def test_an_answer_is_read_run_by_run() -> None:
-    control = ArrayControl(np.array([-1.0, 2.0]), np.array([True, False]), np.array([0.1, 0.2]))
+    control = BatchControl(np.array([-1.0, 2.0]), np.array([True, False]), np.array([0.1, 0.2]))
     assert control.control(0) == Control(-1.0, 0.1)
     assert control.control(1) == Control(None, 0.2)
 
@@ -216,7 +216,7 @@ TOGETHER = '''
 import os
 import numpy as np
 from runner.systems import Control, WorldDriven
-from runner.systems.arrays import ArrayControl
+from runner.systems.arrays import BatchControl
 
 class Keeps:
     """Brakes by what it sees."""
@@ -227,18 +227,18 @@ class Keeps:
     def control(self, seen, dt):
         raise AssertionError("run by run")
 
-    def reset_arrays(self, egos, timestep, seeds):
+    def reset_batch(self, egos, timestep, seeds):
         self.seeds, self.names = seeds, egos.name
 
-    def control_arrays(self, observations, dt):
+    def control_batch(self, observations, dt):
         there = observations.others.present.sum(axis=0)
         red = np.array([len(each) for each in observations.signals])
         wet = np.array([each.friction for each in observations.environment])
         wanted = self.seeds[observations.run] + there + 10.0 * red + 100.0 * wet + observations.time
-        return ArrayControl(wanted, observations.ego.name == "Ego")
+        return BatchControl(wanted, observations.ego.name == "Ego")
 
 class Exits(Keeps):
-    def control_arrays(self, observations, dt):
+    def control_batch(self, observations, dt):
         os._exit(3)
 
 class World(WorldDriven):
