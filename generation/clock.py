@@ -18,8 +18,8 @@ _BLOCK = 1024
 """Points that drivers run between two looks at the clock"""
 PLAYED = 16_384
 """Points that a process plays in arrays between two looks at the clock"""
-_DRIVERS = 8
-"""Runs that an edge case takes: judges, other reference drivers, its replay"""
+_DRIVERS = 9
+"""Runs that an edge case takes: judges, other reference drivers, its repetition and its replay"""
 
 
 class TimeOver(Exception):
@@ -88,12 +88,18 @@ class SearchClock:
 
         return driving
 
-    def most(self, most: int, runs: int, cut: bool) -> int:
-        """Edge cases that there is time for, one at least, at the rate of the runs so far."""
+    def most(self, most: int, runs: int, cut: bool, repeated: int = 0) -> int:
+        """Edge cases that there is time for, one at least, at the rate of the runs so far.
+
+        Args:
+            most: how many are asked for.
+            cut: whether the time has ended the search.
+            repeated: runs of each with other seeds.
+        """
         if not cut or math.isinf(self._limit):
             return most
         left = max(self._limit - self._spent, 0.0)
-        return int(np.clip(left * runs / max(self._spent, 1.0) / _DRIVERS, 1, most))
+        return int(np.clip(left * runs / max(self._spent, 1.0) / (_DRIVERS + repeated), 1, most))
 
 
 class TimedPlays:

@@ -33,6 +33,7 @@ from generation.search.gate import (
     replay_shares,
 )
 from generation.search.methods.judging import NOT_JUDGED, JudgeCounts, Judging
+from generation.search.methods.repeats import Repeats
 from generation.search.outcomes import (
     JUDGES,
     Cases,
@@ -72,7 +73,7 @@ from generation.space.space import Space, apart, distinctive
 from runner.batch.inputs import OURS, inputs
 from runner.judging.settings import RunSettings
 from runner.systems import system_name
-from schemas.common.array_types import FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.storage import alone, digest, write_object
 
@@ -285,6 +286,7 @@ class _Work:
             for kind in ("runs", "draws", "estimate", "until")
         )
         self._drivers = _drivers(scenario, space, out, settings, evaluator)
+        self._seeded = remembering(lambda theta, seed: evaluator(theta, seed=int(seed)))
         self.unseen = self._drawn()
         self._plays = _plays(scenario, space, settings)
         timed = (
@@ -399,13 +401,24 @@ class _Work:
     ) -> tuple[Cases, list[Path]]:
         """Edge cases of all runs, and the files of these."""
         asked, settings = self._asked, self._asked.settings
-        most = self._clock.most(settings.choice.most, self._evaluator.calls, cut)
+        most = self._clock.most(settings.choice.most, self._evaluator.calls, cut, settings.repeat)
         choice = replace(settings.choice, most=most)
         judged = asked.prior.judged if self._gate.refusal is None else asked.prior.unjudged
         cases = choose(asked.space, every, judged, self._drivers, choice, self._found, self._plays)
+        cases = replace(cases, repeats=self._repeated(cases.theta[cases.outcomes.collision]))
         density = asked.reward.realism.density
         files = _write(asked.scenario, asked.space, self._out, settings, cases, density, rate)
         return cases, files
+
+    def _repeated(self, theta: FloatArray) -> Repeats:
+        """Run failures (n, d) again."""
+        settings = self._asked.settings
+
+        def run(seed: int) -> tuple[BoolArray, BoolArray]:
+            outcomes = self._seeded(theta, str(seed))
+            return outcomes.executed, outcomes.collision
+
+        return Repeats.of(len(theta), run, settings.run.seed, settings.repeat)
 
 
 class _Course:
@@ -600,6 +613,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "judges": made.judged._asdict(),
         "guided": asdict(made.guidance),
         "edge_cases": len(made.cases),
+        "repeats": None if made.cases.repeats is None else made.cases.repeats.as_json(),
         "statement": made.statement.as_json(),
         "until": None if made.bound is None else made.bound.as_json(),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},

@@ -45,7 +45,7 @@ _LISTED = 3
 """Files that are named on the screen"""
 _EXAMPLES = ("xosc-generate xosc/library/cut_in_highway.xosc --budget 60 --out edge_cases",)
 _EPILOG = exit_codes(
-    "edge cases are written",
+    "edge cases are written (those that did not fail again are counted)",
     "there is none (with --against: 0 no failure is new, 1 one is)",
     "no run tested what its file describes",
 )
@@ -221,6 +221,9 @@ def _found(
         if compared is not None:
             say(f"  {compared}")
         say(f"  {page} shows all of it")
+    repeats = generated.cases.repeats
+    if quiet and repeats is not None and repeats.lost:
+        say(f"{NAME}: {scenario.name}: {repeats}", to=sys.stderr)
     outcomes = generated.episodes.outcomes
     lost = len(outcomes) > 0 and not outcomes.executed.any()  # it may have failures
     errors = outcomes.error[outcomes.status == "error"]
@@ -276,6 +279,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         else f": {_nothing(generated)}"
     )
     yield f"  {many(len(cases), 'edge case')}{worth}"
+    if cases.repeats is not None and len(cases.repeats.again):
+        yield f"  {cases.repeats}"
     if by := cases.prevented_by():
         yield f"  prevented by {by}"
     survived = ", ".join(

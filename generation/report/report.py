@@ -36,6 +36,7 @@ from generation.report.counterexamples import (
     varying,
 )
 from generation.report.regression import Fate, Regression, Shift
+from generation.search.gate import Share
 from generation.search.outcomes import JUDGES, REFERENCES, RISK_WINDOW, Cases, Outcomes
 from generation.search.settings import SearchSettings
 from generation.search.variations import Written
@@ -120,7 +121,9 @@ def _found(title: str, sut: str, generated: Generated) -> str:
 def _caveats(generated: Generated, cases: int) -> Iterator[str]:
     """Limits of what was found: judges that prevent no or few cases, a density that could not be
     tested."""
-    failed = generated.cases.outcomes.collision
+    failed, repeats = generated.cases.outcomes.collision, generated.cases.repeats
+    if repeats is not None and repeats.lost:
+        yield str(repeats)
     drivers = generated.cases.drivers
     counts = {
         name: int((drivers[name].survived & failed).sum()) for name in JUDGES if name in drivers
@@ -550,6 +553,20 @@ def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -
         "risk": round(float(outcomes.risk[row]), 3),
         "likelihood": round(float(cases.log_likelihood[row]), 2),
         "drivers": [_end(found, row) for found in cases.drivers.values()],
+        **_again(cases, row),
+    }
+
+
+def _again(cases: Cases, row: int) -> Json:
+    """Whether a failure fails again, and how often with other seeds, with its interval."""
+    repeats = cases.repeats
+    if repeats is None or not cases.outcomes.collision[row]:
+        return {"again": None, "repeated": None}
+    share = Share(int(repeats.failing[row]), int(repeats.runs[row]))
+    repeated = [share.collisions / share.runs, *share.interval] if share.runs else None
+    return {
+        "again": bool(repeats.again[row]),
+        "repeated": None if repeated is None else _rounded(repeated),
     }
 
 

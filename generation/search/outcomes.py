@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from generation.search.methods.repeats import Repeats
 from generation.search.settings import Choice
 from generation.space.space import Space, apart, distinctive, diverse
 from runner.batch.jobs import CODES, Job, Outcome, failure
@@ -180,9 +181,11 @@ class SimulationJob(Job):
 
     Args:
         sut: name of the system under test that drives the ego; None for that of the settings.
+        seed: of the run; None for that of the settings.
     """
 
     sut: str | None = None
+    seed: int | None = None
 
 
 @dataclass(eq=False)
@@ -247,16 +250,19 @@ class Evaluator(Simulator):
     scenario: Path
     space: Space
 
-    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+    def __call__(
+        self, theta: FloatArray, sut: str | None = None, seed: int | None = None
+    ) -> Outcomes:
         """The outcomes at points (n, d), in their order.
 
         Args:
             sut: name of the system under test, where another one than that of the settings is to
                 drive.
+            seed: of the runs; None for that of the settings.
         """
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
         return self.of(
-            SimulationJob(str(number), self.scenario, self.scenario, parameters, sut=sut)
+            SimulationJob(str(number), self.scenario, self.scenario, parameters, sut=sut, seed=seed)
             for number, parameters in enumerate(values)
         )
 
@@ -321,11 +327,13 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
     from runner.judging.execution import run
 
     try:
-        chosen = (
-            replace(settings, sut=job.sut)
-            if isinstance(job, SimulationJob) and job.sut is not None
-            else settings
-        )
+        chosen = settings
+        if isinstance(job, SimulationJob):
+            chosen = replace(
+                chosen,
+                sut=chosen.sut if job.sut is None else job.sut,
+                seed=chosen.seed if job.seed is None else job.seed,
+            )
         # The run's own default ends with the first contact, which would cut the measures after it.
         if (
             chosen.end_after_collision is None
@@ -561,6 +569,7 @@ class Cases:
             (`generation.search.outcomes.REFERENCES`).
         agreed: verdicts of the judges that plays in arrays share, all of them, where these are of the other
             drivers; 0 where all were run.
+        repeats: runs of the failures again, which are the first rows; None where none was repeated.
     """
 
     theta: FloatArray
@@ -569,6 +578,7 @@ class Cases:
     log_likelihood: FloatArray
     drivers: Mapping[str, Outcomes]
     agreed: int = 0
+    repeats: Repeats | None = None
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -583,7 +593,13 @@ class Cases:
             self.log_likelihood[rows],
             drivers,
             self.agreed,
+            None if self.repeats is None else self.repeats.take(self._failures(rows)),
         )
+
+    def _failures(self, rows: BoolArray | IntArray) -> IntArray:
+        """Rows of `repeats` that belong to some of the cases."""
+        chosen = np.arange(len(self))[rows]
+        return chosen[self.outcomes.collision[chosen]]
 
     def prevented_by(self) -> str:
         """Collisions by the judges that prevent them, in words, as `both 51, fsm only 49`; empty where there are none."""
@@ -609,7 +625,12 @@ class Cases:
 
     def tags(self) -> dict[str, list[str] | list[float]]:
         """The values of each case, by the names of their tags."""
-        outcomes = self.outcomes
+        outcomes, repeats = self.outcomes, self.repeats
+        again = [""] * len(self)
+        if repeats is not None:
+            for row, (fails, failing, runs) in enumerate(zip(*repeats, strict=True)):
+                others = f"; {failing} of {runs} runs with other seeds" if runs else ""
+                again[row] = f"{'again' if fails else 'not again'} with the same seed{others}"
         survived = {name: found.survived for name, found in self.drivers.items()}
         return {
             "Verdict": [COLLISION if collided else VIOLATION for collided in outcomes.collision],
@@ -620,6 +641,7 @@ class Cases:
                 ", ".join(name for name in survived if survived[name][row])
                 for row in range(len(self))
             ],
+            "Fails": again,
             "Reward": _rounded(self.rewards),
             "LogLikelihood": _rounded(np.maximum(self.log_likelihood, -_FARTHEST)),
             "RRisk": _rounded(outcomes.r_risk),

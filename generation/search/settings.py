@@ -100,6 +100,8 @@ class SearchSettings:
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
+        repeat: runs of each failing edge case with other seeds; with its own seed each is run again
+            in any case.
         until: draw in arrays, after the search, until failures that were not found have a
             probability below it, or one stands against it; None for no such draws.
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
@@ -148,6 +150,13 @@ class SearchSettings:
         False,
         "Estimate how often traffic makes the system fail, by at most 600 more runs.",
         "--estimate",
+    )
+    repeat: int = option(
+        0,
+        "Run each failing edge case with N other seeds too: how often its values fail, with interval.",
+        "--repeat",
+        min=0,
+        metavar="N",
     )
     until: float | None = option(
         None,

@@ -154,8 +154,11 @@ function examples() {
 function drivers() {
   const { cases } = data;
   if (!cases.length) return panel("Edge cases", el("p", null, "No failure is foreseeable and prevented by a careful driver."));
+  const repeated = cases.some(each => each.repeated);
   const columns = [
     ["case", "number"],
+    ["fails again", null],
+    ...(repeated ? [["P(fail | values), % [95 %]", "number"]] : []),
     ["impact (m/s)", "number"],
     ...data.measures.map((_, i) => [label(i), "number"]),
     ["log-likelihood", "number"],
@@ -175,6 +178,8 @@ function drivers() {
       "tr",
       null,
       el("th", { scope: "row", class: "number" }, String(each.number), ...(each.fate ? [" ", badge(...FATES[each.fate])] : [])),
+      cell(each.again === null ? "" : each.again ? "yes" : "no", null),
+      ...(repeated ? [cell(each.repeated ? spanned(each.repeated, 100) : "")] : []),
       cell(each.collision ? figure(each.impact, 3) : "none"),
       ...each.measures.map(value => cell(plain(value))),
       cell(figure(each.likelihood, 3)),
@@ -188,6 +193,7 @@ function drivers() {
         "full braking from the instant on at which anyone changes speed or lane is the bound of what braking can do; it is not " +
         "known where nobody does before the contact, as with a target that stands. ",
       data.agreed ? `The others are played on the twin, which gives all ${data.agreed} verdicts of these two as runs do. ` : "",
+      "Fails again: with the same seed; the probability is of other seeds. ",
       "Numbers are those of the sets in ",
       el("a", { href: link(data.file) }, data.file),
       `; xosc-run ${quoted(data.file)} --only NUMBER plays one.`,
