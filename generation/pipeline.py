@@ -20,8 +20,15 @@ import numpy as np
 
 from generation.clock import PLAYED, SearchClock, TimedPlays, TimeOver
 from generation.estimation.bound import DrawnBound, draws_needed, draws_until
-from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
-from generation.estimation.probability import driving
+from generation.estimation.estimate import (
+    FAILURE,
+    RUNS,
+    Estimate,
+    EstimateSettings,
+    Known,
+    estimate,
+)
+from generation.estimation.probability import FailingDraws, Probability, driving
 from generation.search.gate import (
     EVERYWHERE,
     NEAR,
@@ -76,6 +83,7 @@ from runner.systems import system_name
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.storage import alone, digest, write_object
+from schemas.common.terminal.text import many
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
@@ -120,6 +128,8 @@ class Generated:
         bound: result of the draws that were asked for by `settings.until`; None where they were
             not, or the search has not ended.
         density: name of the density of recorded parameters.
+        not_found: probability of failures that the search has not found, by the estimate; None
+            where there is none, or too few of its draws fail: then the unguided draws bound it.
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
         judged: verdicts on failures during the search; none where plays give them.
@@ -146,6 +156,29 @@ class Generated:
     guidance: Guidance = field(default_factory=Guidance)
     bound: DrawnBound | None = None
     density: str = DEFAULT
+    not_found: Probability | None = None
+
+    @property
+    def measure(self) -> FailingDraws | None:
+        """Draws by which failures and their parts have a probability; None where the unguided draws
+        are these."""
+        estimate = self.estimate
+        stable = estimate is not None and estimate.probabilities[FAILURE].stable
+        return estimate.failing if estimate is not None and stable else None
+
+    @property
+    def stated(self) -> str:
+        """Sentence about failures that the search has not found, of the same draws as the
+        probability of all."""
+        if self.not_found is None or self.measure is None:
+            return str(self.statement)
+        low, high = self.not_found.interval
+        found = f"{self.not_found.value:.1e} ({low:.1e} to {high:.1e})"
+        found = f"of {found}" if self.not_found.value > 0.0 else f"below {high:.1e}"
+        return (
+            f"failures that the search has not found have a probability {found}, by the "
+            f"{many(self.measure.draws, 'weighted draw')} of the estimate (95 %)"
+        )
 
 
 def generate(
@@ -377,6 +410,7 @@ class _Work:
             domain=asked.domain, cut=cut,
             judged=NOT_JUDGED if self._judging is None else self._judging.counts,
             bound=bound, density=settings.density, guidance=self._problem.guidance,
+            not_found=_not_found(space, runs.episodes(reward), rate),
         )  # fmt: skip
         write_object(
             summary(asked.scenario, generated, settings), self._out / summary_file(asked.scenario)
@@ -579,12 +613,24 @@ def _played_gate(
 
 def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:
     """The bound that draws (n, d) with these outcomes set on failures unlike those of the search."""
+    return Statement.of(drawn, _unlike(space, sought, unguided))
+
+
+def _not_found(space: Space, sought: Episodes, estimate: Estimate | None) -> Probability | None:
+    """Probability of failures unlike those of the search, by an estimate that is stable."""
+    if estimate is None or estimate.failing is None or not estimate.probabilities[FAILURE].stable:
+        return None
+    part = estimate.failing.part(partial(_unlike, space, sought))
+    return part.within(estimate.probabilities[FAILURE])
+
+
+def _unlike(space: Space, sought: Episodes, theta: FloatArray) -> BoolArray:
+    """Points (n, d) that are far from each failure of a search (n,)."""
     failures = sought.theta[sought.outcomes.executed & sought.outcomes.collision]
+    if not len(failures):
+        return np.ones(len(theta), bool)
     columns = distinctive(space)
-    unlike = np.ones(len(unguided), bool)
-    if len(failures):
-        unlike = apart(space.unit(unguided)[:, columns], space.unit(failures)[:, columns], NEAR)
-    return Statement.of(drawn, unlike)
+    return apart(space.unit(theta)[:, columns], space.unit(failures)[:, columns], NEAR)
 
 
 def summary_file(scenario: Path) -> str:
@@ -615,6 +661,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "edge_cases": len(made.cases),
         "repeats": None if made.cases.repeats is None else made.cases.repeats.as_json(),
         "statement": made.statement.as_json(),
+        "not_found": None if made.not_found is None else made.not_found.as_json(),
         "until": None if made.bound is None else made.bound.as_json(),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
     }

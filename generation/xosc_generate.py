@@ -292,7 +292,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if cases.agreed:
         judges = ", ".join(JUDGES)
         yield f"  {judges} were run, and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
-    yield f"  {generated.statement}"
+    yield f"  {generated.stated}"
     if generated.bound is not None:
         yield f"  {generated.bound}"
     yield f"  {basis(generated)}"

@@ -13,8 +13,11 @@ import numpy as np
 from generation.estimation.probability import (
     ControlVariate,
     Driving,
+    FailingDraws,
     Probability,
     Rate,
+    WeightedRows,
+    density_spread,
     probability,
 )
 from generation.search.methods.models import differences
@@ -237,6 +240,8 @@ class Estimate(NamedTuple):
         known: failures that the last proposal was made of; 0 where there were too few, and the runs
             are draws of the prior.
         driving: how often recordings have the manoeuvre, for rates; or why there are none.
+        failing: the draws that fail, for probabilities of parts of the failures; None where none
+            was kept.
     """
 
     probabilities: dict[str, Probability]
@@ -244,6 +249,7 @@ class Estimate(NamedTuple):
     failed: int
     known: int
     driving: Driving | str = ""
+    failing: FailingDraws | None = None
 
     def lines(self) -> Iterator[str]:
         """Yield the estimate in lines of text, for a terminal."""
@@ -276,13 +282,7 @@ class Estimate(NamedTuple):
     def as_json(self) -> dict[str, Any]:
         """Return the estimate as a JSON object, for files: the interval is of 95 %."""
         listed: dict[str, dict[str, Any]] = {
-            name: {
-                "value": probability.value,
-                "interval": probability.interval,
-                "effective_failures": probability.effective,
-                "stable": probability.stable,
-            }
-            for name, probability in self.probabilities.items()
+            name: probability.as_json() for name, probability in self.probabilities.items()
         }
         for name, entry in listed.items():
             entry["rates"] = {
@@ -376,13 +376,24 @@ def estimate(
             control = ControlVariate(same, more, controls[1].weights)
         found = probability(failing, real.weights, drawn.greatest, control)
         probabilities[name] = found._replace(
-            density=_spread(ratios[:, failing], real.weights[failing])
+            density=density_spread(ratios[:, failing], real.weights[failing])
         )
     probabilities = {
         name: probability.within(probabilities[FAILURE])
         for name, probability in probabilities.items()
     }
-    return Estimate(probabilities, len(theta), settings.runs - len(theta), looked)
+    kept = FailingDraws(
+        theta[colliding], real.weights[colliding], len(theta), drawn.greatest, ratios[:, colliding],
+        None if controls is None
+        else (_colliding(theta, controls[0]), _colliding(many, controls[1])),
+    )  # fmt: skip
+    return Estimate(probabilities, len(theta), settings.runs - len(theta), looked, failing=kept)
+
+
+def _colliding(theta: FloatArray, played: _Played) -> WeightedRows:
+    """Draws (n, d) that collide in plays."""
+    rows = played.outcomes.collision
+    return WeightedRows(theta[rows], played.weights[rows], len(theta))
 
 
 def _ratios(
@@ -397,19 +408,6 @@ def _ratios(
         else none
     )
     return ratios if len(ratios) else none
-
-
-def _spread(ratios: FloatArray, weights: FloatArray) -> float:
-    """Standard deviation of the logarithm of Σ w p'/p over densities p', given log p'/p (k, n) and
-    weights w (n,)."""
-    if not ratios.size:
-        return 0.0
-    return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
-
-
-_GREATEST = 5.0
-"""Greatest logarithm of a ratio of densities: far out in its tails a density of few recordings
-knows little"""
 
 
 def _shared(runs: int, stages: int) -> list[int]:

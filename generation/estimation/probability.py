@@ -4,7 +4,7 @@ kilometre."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -68,6 +68,15 @@ class Probability(NamedTuple):
         """Whether there are enough failures for the interval to be trusted."""
         return self.effective >= LEAST_EFFECTIVE
 
+    def as_json(self) -> dict[str, Any]:
+        """For files: the interval is of 95 %."""
+        return {
+            "value": self.value,
+            "interval": self.interval,
+            "effective_failures": self.effective,
+            "stable": self.stable,
+        }
+
     def within(self, other: Probability) -> Probability:
         """Return the estimate within that of an event that this one implies, whose upper limit
         holds for it too where it is to be trusted."""
@@ -128,6 +137,111 @@ def probability(
     squares = float(found @ found)
     effective = float(found.sum()) ** 2 / squares if squares > 0.0 else 0.0
     return Probability(max(value, 0.0), deviation, effective, _rare(n) * greatest)
+
+
+class FailingDraws(NamedTuple):
+    """Failing draws of an estimate, whose parts have probabilities of the same estimate.
+
+    Parts that exclude each other and together are all failures have probabilities that add up to
+    that of a failure: each part has the weights, and the slope of the control variate, of all.
+
+    Attributes:
+        theta: draws (k, d) that fail. weights: theirs (k,).
+        draws: how many were made, those that pass included.
+        greatest: weight that none exceeds.
+        ratios: logarithms (j, k) of p'/p by densities of resampled recordings; (0, k) for none.
+        control: draws (m, d) that fail in plays, of the same draws and of many more, with their
+            weights; None without plays.
+    """
+
+    theta: FloatArray
+    weights: FloatArray
+    draws: int
+    greatest: float
+    ratios: FloatArray
+    control: tuple[WeightedRows, WeightedRows] | None = None
+
+    def part(self, inside: Callable[[FloatArray], BoolArray]) -> Probability:
+        """Probability of the failures at which `inside` holds, of rows (n, d): (n,)."""
+        within = inside(self.theta)
+        own = np.where(within, self.weights, 0.0)
+        value, square = float(own.sum()) / self.draws, float(own @ own)
+        variance = max(square / self.draws - value**2, 0.0) / max(self.draws - 1, 1)
+        if self.control is not None:
+            same, many = (
+                WeightedRows(
+                    rows.theta, np.where(inside(rows.theta), rows.weights, 0.0), rows.draws
+                )
+                for rows in self.control
+            )
+            slope, less = self._slope, same.mean - many.mean
+            value -= slope * less
+            variance = self._residual(within, slope, same) + slope**2 * many.variance
+        effective = float(own.sum()) ** 2 / square if square > 0.0 else 0.0
+        spread = density_spread(self.ratios[:, within], own[within])
+        bound = _rare(self.draws) * self.greatest
+        return Probability(max(value, 0.0), math.sqrt(variance), effective, bound, spread)
+
+    @property
+    def _slope(self) -> float:
+        """Regression of all failures on those in plays (see `probability`)."""
+        assert self.control is not None
+        same = self.control[0]
+        both = _dot(self.theta, self.weights, same.theta, same.weights)
+        spread = float(same.weights @ same.weights) - same.draws * same.mean**2
+        mean = float(self.weights.sum()) / self.draws
+        return (both - self.draws * mean * same.mean) / spread if spread > 0.0 else 0.0
+
+    def _residual(self, within: BoolArray, slope: float, same: WeightedRows) -> float:
+        """Variance of the mean of w·f − β·w·g over the draws."""
+        own = np.where(within, self.weights, 0.0)
+        both = _dot(self.theta, own, same.theta, same.weights)
+        square = (
+            float(own @ own) - 2.0 * slope * both + slope**2 * float(same.weights @ same.weights)
+        )
+        mean = float(own.sum()) / self.draws - slope * same.mean
+        return max(square / self.draws - mean**2, 0.0) / max(self.draws - 1, 1)
+
+
+class WeightedRows(NamedTuple):
+    """Rows (m, d) of a number of draws at which something happens, with the weights (m,) of these."""
+
+    theta: FloatArray
+    weights: FloatArray
+    draws: int
+
+    @property
+    def mean(self) -> float:
+        """Of the weights over all draws."""
+        return float(self.weights.sum()) / self.draws
+
+    @property
+    def variance(self) -> float:
+        """Of `mean`."""
+        square = float(self.weights @ self.weights) / self.draws
+        return max(square - self.mean**2, 0.0) / max(self.draws - 1, 1)
+
+
+def _dot(one: FloatArray, first: FloatArray, other: FloatArray, second: FloatArray) -> float:
+    """Sum over rows that both have of the product of their weights."""
+    of = dict(
+        zip((row.tobytes() for row in np.ascontiguousarray(one)), first.tolist(), strict=True)
+    )
+    rows = (row.tobytes() for row in np.ascontiguousarray(other))
+    return sum(of.get(row, 0.0) * weight for row, weight in zip(rows, second.tolist(), strict=True))
+
+
+def density_spread(ratios: FloatArray, weights: FloatArray) -> float:
+    """Standard deviation of the logarithm of Σ w p'/p over densities p', given log p'/p (k, n) and
+    weights w (n,)."""
+    if not ratios.size:
+        return 0.0
+    return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
+
+
+_GREATEST = 5.0
+"""Greatest logarithm of a ratio of densities: far out in its tails a density of few recordings
+knows little"""
 
 
 def _rare(n: int) -> float:

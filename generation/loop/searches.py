@@ -196,14 +196,14 @@ def regions_of(made: Generated, cases: Sequence[EdgeCase]) -> Iterator[SearchedR
     """Return the regions of failure, with the files of their edge cases."""
     of = varying(made)
     for region in regions(made, of):
-        low, high = region.drawn.interval
+        low, high = region.chance.interval
         yield SearchedRegion(
             rule=region.rule(of),
             precision=_share(region.precision),
             recall=_share(region.recall),
             failures=region.failures,
-            draws=region.drawn.runs,
-            drawn=region.drawn.collisions,
+            draws=region.chance.draws,
+            drawn=region.chance.failing,
             low=round(low, _DIGITS),
             high=round(high, _DIGITS),
             severity=round(region.severity, _DIGITS),

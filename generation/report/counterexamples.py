@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from generation.estimation.probability import Probability
 from generation.pipeline import Generated, evidence
-from generation.search.gate import NEAR, Share
-from generation.search.outcomes import JUDGES, Cases, Drivers, matrix
+from generation.search.gate import NEAR, Share, Statement
+from generation.search.outcomes import JUDGES, Cases, Drivers, Outcomes, matrix
 from generation.search.settings import SearchSettings
 from generation.search.variations import Writer
 from generation.space.density.prior import LEAST, by_actor, reading
 from generation.space.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role, roles_of
 from generation.space.space import Space, distinctive, grouped
-from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
@@ -467,6 +468,67 @@ class Bound(NamedTuple):
         return values >= self.limit if self.least else values <= self.limit
 
 
+class Chance(NamedTuple):
+    """Probability of a part of the failures under the density.
+
+    Attributes:
+        value: estimate. interval: of 95 %; from 0 to the one-sided limit where no draw fails so.
+        draws: how many it is of. failing: those of them that fail so.
+    """
+
+    value: float
+    interval: tuple[float, float]
+    draws: int
+    failing: int
+
+    @classmethod
+    def counted(cls, failing: int, draws: int, most: float = 1.0) -> Chance:
+        """By draws of the density itself; `most` is a limit of what it is a part of."""
+        if not draws:
+            return cls(0.0, (0.0, 1.0), 0, 0)
+        low, high = Share(failing, draws).interval
+        # Where nothing fails there is no lower end: the limit is that of the statement.
+        high = high if failing else Statement(draws, 0, 0).total
+        return cls(failing / draws, (low, min(high, most)), draws, failing)
+
+    @classmethod
+    def weighted(cls, found: Probability, draws: int, failing: int) -> Chance:
+        """By weighted draws of an estimate."""
+        return cls(found.value, found.interval, draws, failing)
+
+    def as_json(self) -> dict[str, Any]:
+        """For files and the page."""
+        return {
+            "draws": self.draws,
+            "failing_draws": self.failing,
+            "probability": self.value if self.draws else None,
+            "interval": list(self.interval),
+        }
+
+
+class FailureParts(NamedTuple):
+    """Probabilities of the regions that are listed, of the other failures, and of all: the first
+    and the second add up to the third.
+
+    Attributes:
+        regions: of each region. others: of failures nearer to other regions. every: of all.
+        weighted: whether they are of the estimate's draws; else of unguided ones.
+    """
+
+    regions: Sequence[Chance]
+    others: Chance
+    every: Chance
+    weighted: bool
+
+    def as_json(self) -> dict[str, Any]:
+        """For files and the page."""
+        return {
+            "others": self.others.as_json(),
+            "all": self.every.as_json(),
+            "weighted": self.weighted,
+        }
+
+
 class FailureRegion(NamedTuple):
     """A region.
 
@@ -474,8 +536,7 @@ class FailureRegion(NamedTuple):
         bounds: its rule; none with fewer than `_RULED` failures.
         precision: unguided draws within the rule, and those of them that fail.
         recall: unguided draws that fail near its failures, and those of them within the rule.
-        failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of
-            them.
+        failures: number of failing runs. chance: probability of its failures.
         severity: mean impact speed, m/s. cases: rows of the edge cases in it, the likelier first.
         typical, likeliest: rows of the executed runs: the failure nearest to the others, and that
             of the greatest density.
@@ -486,7 +547,7 @@ class FailureRegion(NamedTuple):
     precision: Share
     recall: Share
     failures: int
-    drawn: Share
+    chance: Chance
     severity: float
     cases: Sequence[int]
     typical: int
@@ -512,21 +573,17 @@ class FailureRegion(NamedTuple):
     @property
     def importance(self) -> tuple[bool, float]:
         """Order: regions with edge cases first, then by probability times severity."""
-        return self.edge_cases > 0, (self.drawn.collisions + 0.5) / (self.drawn.runs + 1.0) * (
-            1.0 + self.severity
-        )
+        likely = self.chance.value + 0.5 / (self.chance.draws + 1.0)
+        return self.edge_cases > 0, likely * (1.0 + self.severity)
 
     def as_json(
         self, by: Sequence[Measure], members: Mapping[str, Sequence[float]]
     ) -> dict[str, Any]:
         """Return the group as a JSON object, for files and the page; `members` has the values of
         the `typical` and of the `likeliest` member."""
-        low, high = self.drawn.interval
-        chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
         return {
             "rule": self.rule(by), **_scores_of("precision", self.precision), **_scores_of("recall", self.recall),
-            "failures": self.failures, "draws": self.drawn.runs, "failing_draws": self.drawn.collisions, "probability": chance,
-            "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
+            "failures": self.failures, **self.chance.as_json(), "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
             "survived": dict(self.survived),
             **{
                 name: {measure.name: value for measure, value in zip(by, values, strict=True)}
@@ -556,7 +613,15 @@ def varying(generated: Generated) -> list[Measure]:
 
 
 def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
-    """The regions of all executed runs, the most important first, at most `_MOST`; none without failures or measures.
+    """Regions alone, as `with_parts` has them."""
+    return with_parts(generated, by)[0]
+
+
+def with_parts(
+    generated: Generated, by: Sequence[Measure]
+) -> tuple[list[FailureRegion], FailureParts | None]:
+    """The regions of all executed runs, the most important first, at most `_MOST`, and the probabilities of these and of the
+    others; none without failures or measures.
 
     Args:
         by: values (n,) at the executed runs.
@@ -565,11 +630,12 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
     theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
     failing = np.flatnonzero(outcomes.collision)
     if not failing.size or not by:
-        return []
+        return [], None
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
     unit, rows = space.unit(theta)[:, columns], np.stack([measure.values for measure in by], axis=1)
-    labels = grouped(unit[failing], LINKED)
+    labels = np.unique(grouped(unit[failing], LINKED), return_inverse=True)[1]
+    parts = _Parts(generated, columns, unit[failing], labels)
     collided = np.flatnonzero(generated.cases.outcomes.collision)
     cases = generated.cases.take(collided)
     found = []
@@ -586,10 +652,7 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         survived = {
             name: int((outcomes.survived & near).sum()) for name, outcomes in cases.drivers.items()
         }
-        severity, drawn = (
-            float(outcomes.impact_speed[group].mean()),
-            _share(generated, columns, unit[group]),
-        )
+        severity = float(outcomes.impact_speed[group].mean())
         of_rule = (
             bounds,
             *_traffic_scores(generated, theta, rows, bounds, unit[group]),
@@ -598,7 +661,7 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         found.append(
             FailureRegion(
                 *of_rule,
-                drawn,
+                parts.chance([int(label)]),
                 severity,
                 collided[near].tolist(),
                 int(typical),
@@ -606,18 +669,51 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
                 survived,
             )
         )
-    return sorted(found, key=lambda region: region.importance, reverse=True)[:_MOST]
+    order = sorted(range(len(found)), key=lambda row: found[row].importance, reverse=True)
+    listed, others = order[:_MOST], order[_MOST:]
+    chances = [found[row].chance for row in listed]
+    every = FailureParts(chances, parts.chance(others), parts.every, parts.weighted)
+    return [found[row] for row in listed], every
 
 
-def _share(generated: Generated, columns: BoolArray, group: FloatArray) -> Share:
-    """Unguided draws that fail near the rows (m, k) of a region."""
-    if generated.draws is None:
-        return Share(0, 0)
-    theta, outcomes, _ = generated.draws
-    near = _near(generated.space.unit(theta)[:, columns], group)
-    return Share(
-        int((outcomes.executed & outcomes.collision & near).sum()), int(outcomes.executed.sum())
-    )
+class _Parts:
+    """Probabilities of groups of failures: each failure belongs to the group of the known failure
+    nearest to it, so that those of all groups add up.
+
+    Args:
+        columns: of the space that tell cases apart. unit: known failures (m, k) in the unit cube.
+        labels: their groups (m,), from 0.
+    """
+
+    def __init__(
+        self, generated: Generated, columns: BoolArray, unit: FloatArray, labels: IntArray
+    ) -> None:
+        from scipy.spatial import KDTree
+
+        self._space, self._columns, self._labels = generated.space, columns, labels
+        self._tree, self._measure = KDTree(unit), generated.measure
+        theta, outcomes, _ = generated.draws or (np.empty((0, len(columns))), Outcomes.of(0), None)
+        self._failing = theta[outcomes.executed & outcomes.collision]
+        self._draws = int(outcomes.executed.sum())
+        self.weighted = self._measure is not None
+        self.every = self.chance(np.unique(labels))
+
+    def chance(self, groups: Sequence[int] | IntArray) -> Chance:
+        """Probability of the failures of some groups."""
+
+        def inside(theta: FloatArray) -> BoolArray:
+            if not len(theta):
+                return np.zeros(0, bool)
+            nearest = self._tree.query(self._space.unit(theta)[:, self._columns])[1]
+            return np.isin(self._labels[nearest], groups)
+
+        if self._measure is None:
+            whole = Statement(self._draws, len(self._failing), 0).total
+            return Chance.counted(int(inside(self._failing).sum()), self._draws, whole)
+        every = self._measure.part(lambda theta: np.ones(len(theta), bool))
+        found = self._measure.part(inside).within(every)
+        failing = int(inside(self._measure.theta).sum())
+        return Chance.weighted(found, self._measure.draws, failing)
 
 
 def _near(unit: FloatArray, others: FloatArray) -> BoolArray:

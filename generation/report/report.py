@@ -22,6 +22,7 @@ from generation.pipeline import Generated, evaluator_of
 from generation.report.counterexamples import (
     Counterexample,
     Counterexamples,
+    FailureParts,
     FailureRegion,
     FailureReplay,
     Measure,
@@ -30,10 +31,10 @@ from generation.report.counterexamples import (
     limits,
     measured,
     region,
-    regions,
     replays,
     unit_of,
     varying,
+    with_parts,
 )
 from generation.report.regression import Fate, Regression, Shift
 from generation.search.gate import Share
@@ -58,7 +59,7 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     refused = (
         [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
     )
-    stated = [_sentence(generated.statement)]
+    stated = [_sentence(generated.stated)]
     if generated.bound is not None:
         stated = [_sentence(generated.bound), *stated]
     stated.append(_sentence(basis(generated)))
@@ -255,7 +256,8 @@ class SearchReport:
         scenario: the file. region: where the system fails, or why there is no boundary.
         regions: groups of failures with rules, the most important first. members: replays of their
             typical and likeliest members, by `_member`. against: the comparison with another
-            version of the system; None where there is none.
+            version of the system; None where there is none. parts: probabilities of regions, of
+            the others and of all failures, which add up; None without failures.
     """
 
     scenario: Path
@@ -266,6 +268,7 @@ class SearchReport:
     members: Mapping[str, FailureReplay]
     counterexamples: Counterexamples
     against: Regression | None = None
+    parts: FailureParts | None = None
 
 
 def write_report(
@@ -295,7 +298,7 @@ def render(
     """`write_report` for a caller that has the folder for itself."""
     outcomes = generated.episodes.outcomes
     of, failing = varying(generated), outcomes.collision[outcomes.executed]
-    found = regions(generated, of)
+    found, parts = with_parts(generated, of)
     rows = {
         _member(number, name): row
         for number, area in enumerate(found, start=1)
@@ -305,9 +308,21 @@ def render(
         examples = counterexamples(scenario, generated, settings, drivers, out)
         members = replays(scenario, generated, settings, drivers, out, rows)
     report = SearchReport(
-        scenario, settings, generated, region(of, failing), found, members, examples, against
+        scenario,
+        settings,
+        generated,
+        region(of, failing),
+        found,
+        members,
+        examples,
+        against,
+        parts,
     )
-    write_object({"regions": _regions(report, of, out)}, out / f"{scenario.stem}_regions.json")
+    regional = {
+        "regions": _regions(report, of, out),
+        "probabilities": None if parts is None else parts.as_json(),
+    }
+    write_object(regional, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, of, out)))
     Written(out, scenario.stem).note()
@@ -345,6 +360,7 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         ],
         "region": _region(report.region),
         "regions": _regions(report, of, out),
+        "parts": parts.as_json() if (parts := report.parts) is not None else None,
         "runs": _runs(generated, of),
         "counterexamples": [
             _example(counterexample, report, of, out)
@@ -460,10 +476,10 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
             }
             for name, one in played.items()
         }
-        chance = [area.drawn.collisions / max(area.drawn.runs, 1), *area.drawn.interval]
+        chance = [area.chance.value, *area.chance.interval]
         rates = (
             {name: _rounded([scale * share for share in chance]) for name, scale in per.items()}
-            if area.drawn.runs
+            if area.chance.draws
             else {}
         )
         found.append(

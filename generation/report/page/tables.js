@@ -96,6 +96,18 @@ function regions() {
       member(each, "likeliest"),
     ),
   );
+  // Regions are parts of all failures: their probabilities add up to that of all.
+  const sum = (name, part) =>
+    el(
+      "tr",
+      { class: "totals" },
+      el("th", { scope: "row" }, name),
+      ...columns.slice(1, 5).map(() => cell("")),
+      cell(part.draws ? spanned([part.probability, ...part.interval], 100) : "no draws"),
+      ...columns.slice(6).map(() => cell("")),
+    );
+  const { others, all, weighted } = data.parts;
+  rows.push(sum("other failures", others), sum("all failures", all));
   return panel(
     "Regions of failure",
     table("Regions of failure", columns, rows),
@@ -104,7 +116,8 @@ function regions() {
         "Failures of a region are linked by steps of 15 % of the ranges. " +
         "Precision is the share of unguided draws within a rule that fail, " +
           "recall the share of failing ones of the region within it, [95 %]: " +
-        "as in traffic. Probabilities come from unguided draws that fail within 10 % of a region's failures.",
+        "as in traffic. Each failing draw belongs to the region of the known failure nearest to it, so that probabilities add up; " +
+        (weighted ? `they are of the estimate's ${many(all.draws, "draw")}.` : `they are of ${many(all.draws, "unguided draw")}.`),
     ),
   );
 }

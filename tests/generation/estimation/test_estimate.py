@@ -17,7 +17,7 @@ from generation.estimation.estimate import (
 )
 from generation.search.outcomes import Outcomes
 from generation.space.density.marginals import DeclaredPrior, uniform
-from schemas.common.array_types import FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2
 PRIOR = DeclaredPrior({"a": uniform(0.0, 1.0), "b": uniform(-1.0, 0.0)}, None)
@@ -165,3 +165,54 @@ def test_runs_that_fail_count_for_nothing_and_are_told() -> None:
     assert (found.runs, found.failed) == (150, 50)
     assert "50 more runs failed" in "\n".join(found.lines())
     assert found.as_json()["failed_runs"] == 50
+
+
+def two_regions(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """Two corners, one three times as probable as the other, and nothing else."""
+    return Outcomes.of(len(theta), collision=left(theta) | right(theta))
+
+
+def left(theta: FloatArray) -> BoolArray:
+    """The corner of probability 0.0024."""
+    return (theta[:, 0] < 0.06) & (theta[:, 1] > -0.04)
+
+
+def right(theta: FloatArray) -> BoolArray:
+    """The corner of probability 0.0008."""
+    return (theta[:, 0] > 0.98) & (theta[:, 1] > -0.04)
+
+
+@pytest.mark.parametrize("played", [True, False])
+def test_planted_regions_have_probabilities_that_add_up_to_that_of_a_failure(played: bool) -> None:
+    generator = np.random.default_rng(3)
+    theta = PRIOR.sample(40_000, generator)
+    known = Known(theta, two_regions(theta).collision)
+    plays = (
+        (lambda rows, sut=None: two_regions(rows + np.array([0.002, -0.002]))) if played else None
+    )
+    covered = {left: 0, right: 0}
+    for seed in range(5):
+        found = estimate(
+            PRIOR, two_regions, failing, known, plays, EstimateSettings(300, seed, resampled=0)
+        )
+        failing_draws, whole = found.failing, found.probabilities[FAILURE]
+        assert failing_draws is not None
+        every = failing_draws.part(lambda rows: np.ones(len(rows), bool))
+        assert (every.value, every.deviation) == pytest.approx(
+            (whole.value, whole.deviation), rel=1e-2
+        )
+        assert every.effective == pytest.approx(whole.effective)
+        # Parts of the space: failures in plays are not quite where the system fails.
+        parts = {
+            left: failing_draws.part(lambda rows: rows[:, 0] < 0.5),
+            right: failing_draws.part(lambda rows: rows[:, 0] >= 0.5),
+        }
+        assert sum(part.value for part in parts.values()) == pytest.approx(every.value, rel=1e-9)
+        for of, truth in ((left, 0.0024), (right, 0.0008)):
+            low, high = parts[of].interval
+            covered[of] += low <= truth <= high
+        nowhere = failing_draws.part(lambda rows: np.zeros(len(rows), bool)).within(whole)
+        assert nowhere.value == 0.0 and nowhere.interval == (0.0, pytest.approx(min(
+            nowhere.bound, whole.interval[1]
+        )))  # fmt: skip
+    assert min(covered.values()) >= 4

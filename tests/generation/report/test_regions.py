@@ -7,9 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from generation.estimation.probability import FailingDraws
 from generation.loop.findings import CarefulDriver, CaseVerdict, EdgeCase
 from generation.loop.searches import regions_of
-from generation.report.counterexamples import FailureRegion, Measure, _rule, regions, varying
+from generation.report.counterexamples import (
+    FailureRegion,
+    Measure,
+    _rule,
+    regions,
+    varying,
+    with_parts,
+)
+from generation.search.gate import Statement
 from generation.search.outcomes import Episodes, Outcomes
 from generation.space.space import grouped
 from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
@@ -91,7 +100,7 @@ def test_probable_and_severe_regions_come_first(
 ) -> None:
     (fast, near), measures = found
     assert (fast.severity, near.severity) == (20.0, 2.0)
-    low, high = fast.drawn.interval
+    low, high = fast.chance.interval
     assert low < fast.failures / 600 < high
     written = fast.as_json(measures, {"typical": [1.0, 2.0], "likeliest": [3.0, 4.0]})
     assert written["typical"] == {"gap": 1.0, "speed": 2.0} and written["likeliest"] == {
@@ -133,6 +142,49 @@ def test_a_loop_has_the_same_regions_with_the_files_of_their_edge_cases() -> Non
 def test_without_failures_there_are_no_regions() -> None:
     generated = searched("cas:sensor_range=150", np.array([EASY]))
     assert regions(generated, [Measure("gap", "m", np.array([1.0]))]) == []
+
+
+def test_probabilities_of_regions_add_up_and_none_exceeds_that_of_all() -> None:
+    """Nine groups of failures, six of them listed; the draws fail in one of these and in one of the others."""
+    generator = np.random.default_rng(4)
+    theta = np.tile(np.array(EASY), (900, 1))
+    theta[:, GAP], theta[:, SPEED] = generator.uniform(5.0, 85.0, 900), 20.0
+    cell = np.floor(theta[:, GAP] / 10.0).astype(int)
+    inside = np.abs(theta[:, GAP] - 10.0 * cell - 5.0) < 1.0
+    generated = searched("cas", np.array([HARD]))
+    outcomes = Outcomes.of(900, collision=inside, impact_speed=np.where(inside, 1.0 + cell, 0.0))
+    every = Episodes(theta, outcomes, np.zeros(900))
+    drawn = every.first(150)
+    estimate = generated.estimate
+    generated = replace(
+        generated, episodes=every, draws=drawn, estimate=None,
+        cases=generated.cases.take(np.zeros(len(generated.cases), bool)),
+    )  # fmt: skip
+    of = [Measure("gap", "m", theta[:, GAP])]
+    found, parts = with_parts(generated, of)
+    assert parts is not None and not parts.weighted
+    failing = int(drawn.outcomes.collision.sum())
+    counts = [chance.failing for chance in (*parts.regions, parts.others)]
+    assert sum(counts) == parts.every.failing == failing
+    assert [region.chance for region in found] == list(parts.regions)
+    rows = drawn.theta[drawn.outcomes.collision]
+    weighted = replace(
+        generated,
+        estimate=estimate and estimate._replace(
+            failing=FailingDraws(rows, np.full(len(rows), 0.1), 150, 1.0, np.empty((0, len(rows))))
+        ),
+    )  # fmt: skip
+    _, told = with_parts(weighted, of)
+    assert told is not None and told.weighted
+    values = [chance.value for chance in (*told.regions, told.others)]
+    assert sum(values) == pytest.approx(told.every.value) == pytest.approx(0.1 * failing / 150)
+    passing = np.flatnonzero(~outcomes.collision)[:150]
+    calm = Episodes(theta[passing], outcomes.take(passing), np.zeros(150))
+    _, nothing = with_parts(replace(generated, draws=calm), of)
+    limit = Statement(150, 0, 0).unknown
+    assert nothing is not None and {each.interval for each in nothing.regions} == {(0.0, limit)}, (
+        "not at most 2.4 % beside a statement of 2 %"
+    )
 
 
 def test_groups_are_linked_by_single_steps() -> None:
