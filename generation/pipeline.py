@@ -42,7 +42,6 @@ from generation.search.gate import (
 from generation.search.methods.judging import NOT_JUDGED, JudgeCounts, Judging
 from generation.search.methods.repeats import Repeats
 from generation.search.outcomes import (
-    JUDGES,
     Cases,
     Drivers,
     Episodes,
@@ -52,6 +51,7 @@ from generation.search.outcomes import (
     agrees,
     choose,
     joined,
+    judges_of,
     remembering,
     write_episodes,
 )
@@ -238,6 +238,7 @@ def generate(
     """
     clock = SearchClock(settings.minutes) if clock is None else clock
     search = method(settings.method)  # refuse an unknown name before recordings are read
+    judges_of(settings.judges)
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
@@ -335,7 +336,8 @@ class _Work:
         self._gate = _gate(asked, self.unseen, out, self._plays, timed, clock)
         self._screen, self._measured = timed, timed.played if timed is not None else 0
         judges = clock.limited(counted_drivers(self._drivers, progress))
-        self._judging = None if timed is not None else Judging(space, judges)
+        self._judges = judges_of(settings.judges)
+        self._judging = None if timed is not None else Judging(space, judges, self._judges)
         self.course = _Course(
             counted(self._runs, progress),
             asked.reward,
@@ -347,6 +349,7 @@ class _Work:
         self._problem = SearchProblem(
             space, self.course, asked.reward, asked.real.theta, found, asked.prior, timed,
             self._judging, room=timed.within if timed is not None else unlimited,
+            judges=self._judges,
         )  # fmt: skip
 
     def search(self, method: Search) -> History:
@@ -438,7 +441,16 @@ class _Work:
         most = self._clock.most(settings.choice.most, self._evaluator.calls, cut, settings.repeat)
         choice = replace(settings.choice, most=most)
         judged = asked.prior.judged if self._gate.refusal is None else asked.prior.unjudged
-        cases = choose(asked.space, every, judged, self._drivers, choice, self._found, self._plays)
+        cases = choose(
+            asked.space,
+            every,
+            judged,
+            self._drivers,
+            choice,
+            self._found,
+            self._plays,
+            self._judges,
+        )
         cases = replace(cases, repeats=self._repeated(cases.theta[cases.outcomes.collision]))
         density = asked.reward.realism.density
         files = _write(asked.scenario, asked.space, self._out, settings, cases, density, rate)
@@ -659,6 +671,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "judges": made.judged._asdict(),
         "guided": asdict(made.guidance),
         "edge_cases": len(made.cases),
+        "preventable_by": made.cases.prevented_by(),
         "repeats": None if made.cases.repeats is None else made.cases.repeats.as_json(),
         "statement": made.statement.as_json(),
         "not_found": None if made.not_found is None else made.not_found.as_json(),
@@ -687,7 +700,9 @@ def _estimate(
     """Estimate the failure rate of the system."""
     assert problem.prior is not None
     known = Known(episodes.theta, episodes.outcomes.collision)
-    chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
+    chosen = EstimateSettings(
+        min(RUNS, settings.budget), settings.seed, judges=judges_of(settings.judges)
+    )
     found = estimate(problem.prior, run, drivers, known, problem.plays, chosen)
     return found._replace(driving=driving(recorded, problem.space, problem.prior))
 
@@ -726,7 +741,7 @@ def _drivers(
         path = _runs_file(scenario, space, out, own, f"judge_{judge}")
         return Memory(partial(evaluator, sut=judge), path)
 
-    judges = {judge: kept(judge) for judge in JUDGES}
+    judges = {judge: kept(judge) for judge in judges_of(settings.judges)}
     return remembering(
         lambda theta, sut: judges[sut](theta) if sut in judges else evaluator(theta, sut)
     )

@@ -246,7 +246,6 @@ def _found(
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
     from generation.report.report import basis
-    from generation.search.outcomes import JUDGES
 
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
@@ -282,7 +281,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if cases.repeats is not None and len(cases.repeats.again):
         yield f"  {cases.repeats}"
     if by := cases.prevented_by():
-        yield f"  prevented by {by}"
+        yield f"  prevented: {', '.join(f'{count} by {name}' for name, count in by.items())}"
     survived = ", ".join(
         f"{name} {int((collision & outcomes.survived).sum())}"
         for name, outcomes in cases.drivers.items()
@@ -290,7 +289,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
     if cases.agreed:
-        judges = ", ".join(JUDGES)
+        judges = ", ".join(cases.judges)
         yield f"  {judges} were run, and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
     yield f"  {generated.stated}"
     if generated.bound is not None:

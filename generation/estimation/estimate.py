@@ -21,7 +21,7 @@ from generation.estimation.probability import (
     probability,
 )
 from generation.search.methods.models import differences
-from generation.search.outcomes import Drivers, Evaluate, Outcomes, joined, survivors
+from generation.search.outcomes import JUDGES, Drivers, Evaluate, Outcomes, joined, survivors
 from generation.search.problem import Plays
 from generation.space.density.models.kernels import KDE, scott
 from generation.space.density.prior import Prior, until_possible
@@ -222,12 +222,14 @@ class EstimateSettings:
         seed: of all that is drawn.
         controlled: whether plays of the same points are used as control.
         resampled: densities of resampled recordings that tell how sure the density is.
+        judges: names of the drivers of which one survives a failure that counts as preventable.
     """
 
     runs: int = RUNS
     seed: int = 0
     controlled: bool = True
     resampled: int = 30
+    judges: Sequence[str] = JUDGES
 
 
 class Estimate(NamedTuple):
@@ -361,11 +363,14 @@ def estimate(
             np.concatenate([known.failing, outcomes.collision]),
         )
     drawn, theta = Stages(stages), np.concatenate(thetas)
-    real = _judged(theta, joined(parts), drawn, drivers)
+    real = _judged(theta, joined(parts), drawn, drivers, settings.judges)
     controls: tuple[_Played, _Played] | None = None
     if plays is not None and proposal is not None and settings.controlled:
         many = proposal.sample(_CONTROLLED, generator)
-        controls = _played(theta, drawn, plays), _played(many, drawn, plays)
+        own, others = (
+            _judged(rows, plays(rows), drawn, plays, settings.judges) for rows in (theta, many)
+        )
+        controls = own, others
     probabilities, ratios = {}, np.zeros((settings.resampled, len(theta)))
     colliding = real.outcomes.collision
     ratios[:, colliding] = _ratios(prior, theta[colliding], settings, generator)
@@ -464,13 +469,11 @@ def _draws(
     return np.concatenate(sure), np.concatenate(unsure)
 
 
-def _played(theta: FloatArray, drawn: Stages, plays: Plays) -> _Played:
-    return _judged(theta, plays(theta), drawn, plays)
-
-
-def _judged(theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers) -> _Played:
+def _judged(
+    theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers, judges: Sequence[str]
+) -> _Played:
     preventable = outcomes.collision.copy()
-    preventable[preventable] = survivors(theta[preventable], drivers)
+    preventable[preventable] = survivors(theta[preventable], drivers, judges)
     return _Played(drawn.weights(theta), outcomes, preventable)
 
 

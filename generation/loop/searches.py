@@ -30,7 +30,7 @@ from generation.pipeline import Generated, generate, space_of
 from generation.report.counterexamples import regions, varying
 from generation.report.regression import Before, Fate, Tried, regression
 from generation.search.gate import Share
-from generation.search.outcomes import JUDGES, Episodes
+from generation.search.outcomes import Episodes
 from generation.search.settings import Choice, LoopSettings, SearchSettings
 from generation.space.space import Space, apart, diverse
 from runner.batch.pool import dismiss, executor
@@ -175,8 +175,8 @@ def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
     cases = made.cases
     scenarios = made.files[2:]  # after the variation file and that of the density
     for row, (file, theta) in enumerate(zip(scenarios, cases.theta.tolist(), strict=True)):
-        survivors = [name for name in JUDGES if cases.drivers[name].survived[row]]
-        all_collide = all(cases.drivers[name].collision[row] for name in JUDGES)
+        survivors = [name for name in cases.judges if cases.drivers[name].survived[row]]
+        all_collide = all(cases.drivers[name].collision[row] for name in cases.judges)
         careful = CarefulDriver.COLLIDES if all_collide else CarefulDriver.UNKNOWN
         yield EdgeCase(
             file=file.relative_to(out).as_posix(),

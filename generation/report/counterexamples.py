@@ -20,7 +20,7 @@ import numpy as np
 from generation.estimation.probability import Probability
 from generation.pipeline import Generated, evidence
 from generation.search.gate import NEAR, Share, Statement
-from generation.search.outcomes import JUDGES, Cases, Drivers, Outcomes, matrix
+from generation.search.outcomes import CAREFUL, Cases, Drivers, Outcomes, matrix
 from generation.search.settings import SearchSettings
 from generation.search.variations import Writer
 from generation.space.density.prior import LEAST, by_actor, reading
@@ -195,7 +195,7 @@ def counterexamples(
     if not names:
         return Counterexamples(cases, np.zeros(0, bool), np.zeros(0, bool), ())
     foreseeable = generated.prior.foreseeable(cases.theta)
-    preventable = np.any([cases.drivers[name].survived for name in JUDGES], axis=0)
+    preventable = np.any([cases.drivers[name].survived for name in cases.judges], axis=0)
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
     files = writer.concrete(cases, evidence(settings), [row_names[0] for row_names in names])
     found = []
@@ -224,7 +224,7 @@ def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Ca
     ]
     chosen = cases.take(np.array(list(dict.fromkeys(rows.values()))))
     return names, chosen if chosen.drivers else replace(
-        chosen, drivers=matrix(chosen.theta, drivers).drivers
+        chosen, drivers=matrix(chosen.theta, drivers, judges=chosen.judges).drivers
     )
 
 
@@ -234,7 +234,9 @@ def _others(generated: Generated) -> Cases:
     rows = np.flatnonzero(outcomes.executed & outcomes.collision)
     points = theta[rows]
     likelihood = generated.prior.log_density(points) if len(rows) else np.empty(0)
-    return Cases(points, outcomes.take(rows), rewards[rows], likelihood, {})
+    return Cases(
+        points, outcomes.take(rows), rewards[rows], likelihood, {}, judges=generated.cases.judges
+    )
 
 
 class FailureReplay(NamedTuple):
@@ -269,13 +271,15 @@ def replays(
         return {}
     executed = np.flatnonzero(outcomes.executed)[chosen]
     points, names = theta[executed], {row: name for name, row in reversed(list(rows.items()))}
-    judged = {name: drivers(points, name) for name in JUDGES}
+    judges = generated.cases.judges
+    judged = {name: drivers(points, name) for name in dict.fromkeys((CAREFUL, *judges))}
     cases = Cases(
         points,
         outcomes.take(executed),
         rewards[executed],
         generated.prior.log_density(points),
         judged,
+        judges=judges,
     )
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
     files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])

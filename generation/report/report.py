@@ -38,7 +38,7 @@ from generation.report.counterexamples import (
 )
 from generation.report.regression import Fate, Regression, Shift
 from generation.search.gate import Share
-from generation.search.outcomes import JUDGES, REFERENCES, RISK_WINDOW, Cases, Outcomes
+from generation.search.outcomes import REFERENCES, RISK_WINDOW, Cases, Outcomes
 from generation.search.settings import SearchSettings
 from generation.search.variations import Written
 from generation.space.density.models import judge
@@ -97,7 +97,7 @@ def basis(generated: Generated) -> str:
         tested = "which its gate refuses"
     else:
         tested = f"whose gate was {'' if gate.testable else 'not '}testable"
-    judges = " or ".join(JUDGES)
+    judges = " or ".join(generated.cases.judges)
     return f"bounds and intervals rest on draws of the {drawn}, {tested}; careful is {judges}"
 
 
@@ -116,23 +116,17 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
     told = f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver"
+    if by := generated.cases.prevented_by():
+        told += f": {', '.join(f'{count} by {name}' for name, count in by.items())}"
     return f"{told}{''.join(f'; {caveat}' for caveat in _caveats(generated, cases))}."
 
 
 def _caveats(generated: Generated, cases: int) -> Iterator[str]:
     """Limits of what was found: judges that prevent no or few cases, a density that could not be
     tested."""
-    failed, repeats = generated.cases.outcomes.collision, generated.cases.repeats
+    repeats = generated.cases.repeats
     if repeats is not None and repeats.lost:
         yield str(repeats)
-    drivers = generated.cases.drivers
-    counts = {
-        name: int((drivers[name].survived & failed).sum()) for name in JUDGES if name in drivers
-    }
-    if cases and any(count < cases for count in counts.values()):
-        yield ", ".join(
-            f"{name} prevents {count or 'none'} of them" for name, count in counts.items()
-        )
     gate = generated.gate
     if gate.replayed is None:
         yield "nothing recorded tells how plausible they are"
@@ -366,8 +360,8 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
             _example(counterexample, report, of, out)
             for counterexample in report.counterexamples.found
         ],
-        "drivers": list(REFERENCES),
-        "judges": list(JUDGES),
+        "drivers": list(generated.cases.drivers) or list(REFERENCES),
+        "judges": list(generated.cases.judges),
         "agreed": generated.cases.agreed,
         "cases": list(_cases(report, of)),
         "file": f"{scenario.stem}_edge_cases.xosc" if len(generated.cases) else None,

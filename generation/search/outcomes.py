@@ -28,6 +28,7 @@ from runner.judging.settings import RunSettings
 from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants
 from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError, guess
 from schemas.common.policy import limited
 from schemas.common.storage import keep, writing
 from schemas.common.terminal.text import one_line
@@ -450,6 +451,23 @@ REFERENCES: Mapping[str, str] = {
     "full braking": FULL_BRAKING,
 }
 """Systems under test by the names that reports have for them: the columns of the matrix of reference drivers."""
+
+
+def judges_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Judges by their names, in the order given; `JUDGES` where there is none.
+
+    Raises:
+        UsageError: no reference driver has a name.
+    """
+    offered = [name for name, sut in REFERENCES.items() if name == sut]
+    for name in names:
+        if name not in offered:
+            raise UsageError(
+                f"--judge {name!r}: {guess(name, offered)}one of {', '.join(offered)} is expected"
+            )
+    return tuple(dict.fromkeys(names)) or JUDGES
+
+
 Drivers = Callable[[FloatArray, str], Outcomes]
 """Outcomes of points (n, d), driven by the system under test of a name; `generation.search.outcomes.Evaluator` is one."""
 
@@ -483,24 +501,30 @@ _FEWEST_PLAYED = 30
 """Points from which on a driver takes less time in arrays than in single runs"""
 
 
-def matrix(theta: FloatArray, drivers: Drivers, plays: Drivers | None = None) -> Matrix:
+def matrix(
+    theta: FloatArray,
+    drivers: Drivers,
+    plays: Drivers | None = None,
+    judges: Sequence[str] = JUDGES,
+) -> Matrix:
     """The matrix of points (n, d). The judges are run; the others are played in arrays, if plays agree with all verdicts of the
     judges, and run otherwise.
 
     Args:
         plays: plays points with the system of a name; None for none.
+        judges: names of the reference drivers that judge.
     """
-    judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
-    others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
+    judged = {name: drivers(theta, REFERENCES[name]) for name in judges}
+    others = {name: sut for name, sut in REFERENCES.items() if name not in judges}
     if (
         plays is None
         or len(theta) < _FEWEST_PLAYED
-        or not all(agrees(judged[name], plays(theta, REFERENCES[name])) for name in JUDGES)
+        or not all(agrees(judged[name], plays(theta, REFERENCES[name])) for name in judges)
     ):
         return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})
     return Matrix(
         judged | {name: _driven(theta, sut, plays) for name, sut in others.items()},
-        len(JUDGES) * len(theta),
+        len(judges) * len(theta),
     )
 
 
@@ -570,6 +594,7 @@ class Cases:
         agreed: verdicts of the judges that plays in arrays share, all of them, where these are of the other
             drivers; 0 where all were run.
         repeats: runs of the failures again, which are the first rows; None where none was repeated.
+        judges: names of the drivers of which one survives a failure that counts as preventable.
     """
 
     theta: FloatArray
@@ -579,6 +604,7 @@ class Cases:
     drivers: Mapping[str, Outcomes]
     agreed: int = 0
     repeats: Repeats | None = None
+    judges: Sequence[str] = JUDGES
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -594,6 +620,7 @@ class Cases:
             drivers,
             self.agreed,
             None if self.repeats is None else self.repeats.take(self._failures(rows)),
+            self.judges,
         )
 
     def _failures(self, rows: BoolArray | IntArray) -> IntArray:
@@ -601,17 +628,20 @@ class Cases:
         chosen = np.arange(len(self))[rows]
         return chosen[self.outcomes.collision[chosen]]
 
-    def prevented_by(self) -> str:
-        """Collisions by the judges that prevent them, in words, as `both 51, fsm only 49`; empty where there are none."""
+    def prevented_by(self) -> dict[str, int]:
+        """Number of collisions by the judges that prevent them, as `both` 51, `fsm only` 49; without those of no collision."""
         collision = self.outcomes.collision
-        if not collision.any():
-            return ""
-        survived = np.array([self.drivers[name].survived for name in JUDGES]) & collision
-        every, one = survived.all(axis=0), survived.sum(axis=0) == 1
-        counts = {"both": int(every.sum())}
-        for name, row in zip(JUDGES, survived, strict=True):
-            counts[f"{name} only"] = int((row & one).sum())
-        return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        survived = np.array([self.drivers[name].survived for name in self.judges]) & collision
+        counts: dict[str, int] = {}
+        for row in survived.T[collision]:
+            by = [name for name, survives in zip(self.judges, row, strict=True) if survives]
+            if len(by) == len(self.judges) > 1:
+                name = "both" if len(by) == 2 else "all"
+            else:
+                name = " and ".join(by) + (" only" if len(self.judges) > 1 else "")
+            if by:
+                counts[name] = counts.get(name, 0) + 1
+        return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
     @property
     def careful(self) -> Outcomes:
@@ -665,6 +695,7 @@ def choose(
     choice: Choice = Choice(),  # noqa: B008 - frozen
     found: FloatArray | None = None,
     plays: Drivers | None = None,
+    judges: Sequence[str] = JUDGES,
 ) -> Cases:
     """The foreseeable and preventable failures that are far enough from each other, the likelier first.
 
@@ -674,6 +705,7 @@ def choose(
         found: points (m, d) that the cases are to be far enough from as well.
         plays: plays reference drivers that are no judges, where they agree with the judges' runs;
             None for none.
+        judges: names of the drivers of which one has to survive a failure.
     """
     drivers = remembering(drivers)
     log_likelihood, foreseeable = judged(episodes.theta)
@@ -686,16 +718,17 @@ def choose(
         # Cheap conditions first: preventability costs runs of the judges, and is asked last, of
         # few.
         order[(executed & collision & foreseeable)[order]],
-        lambda rows: survivors(rows, drivers),
+        lambda rows: survivors(rows, drivers, judges),
     )
     if choice.violations:
         touched = executed & ~collision & foreseeable & (episodes.outcomes.risk > 0.0)
         taken.add(episodes.theta, order[touched[order]], lambda rows: np.ones(len(rows), bool))
     chosen = np.array(taken.rows, np.int64)
     theta = episodes.theta[chosen]
-    references = matrix(theta, drivers, plays)
+    references = matrix(theta, drivers, plays, judges)
     outcomes = episodes.outcomes.take(chosen)
-    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], *references)
+    rewards = episodes.rewards[chosen]
+    return Cases(theta, outcomes, rewards, log_likelihood[chosen], *references, judges=judges)
 
 
 class _Taken:

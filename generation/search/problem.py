@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 
 from generation.search.methods import Method, offered
 from generation.search.methods.judging import Judging
-from generation.search.outcomes import NOTHING, Drivers, Episodes, Evaluate, Outcomes, joined
+from generation.search.outcomes import (
+    JUDGES,
+    NOTHING,
+    Drivers,
+    Episodes,
+    Evaluate,
+    Outcomes,
+    joined,
+)
 from generation.space.density.base import Density
 from generation.space.density.prior import Prior, fitted, held_out
 from generation.space.space import Space
@@ -215,6 +223,7 @@ class SearchProblem:
         judging: judges failures before the search learns from them, within the budget; None where
             all failures count alike.
         guidance: record that a method keeps, if it tells guided runs from draws.
+        judges: names of the drivers that decide what is preventable in plays.
         room: points that can be played in a share of the time that is left.
     """
 
@@ -228,6 +237,7 @@ class SearchProblem:
     judging: Judging | None = None
     guidance: Guidance = field(default_factory=Guidance)
     room: Callable[[float], float] = unlimited
+    judges: Sequence[str] = JUDGES
 
     @property
     def starts(self) -> FloatArray:

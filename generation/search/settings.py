@@ -100,6 +100,8 @@ class SearchSettings:
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
+        judges: reference drivers of which one has to survive a failure that counts as preventable;
+            none for `generation.search.outcomes.JUDGES`.
         repeat: runs of each failing edge case with other seeds; with its own seed each is run again
             in any case.
         until: draw in arrays, after the search, until failures that were not found have a
@@ -150,6 +152,14 @@ class SearchSettings:
         False,
         "Estimate how often traffic makes the system fail, by at most 600 more runs.",
         "--estimate",
+    )
+    judges: Sequence[str] = option(
+        (),
+        "Driver whose survival makes a failure preventable (repeatable): r157-cc, fsm, aeb, idm, rss, r157-reg.  [default: r157-cc, fsm]",
+        "--judge",
+        parameter="judge",
+        metavar="DRIVER",
+        show_default=False,
     )
     repeat: int = option(
         0,

@@ -219,6 +219,7 @@ class _Search:
         least, share = settings.patience
         self._patience, self._since = max(least, round(share * budget)), 0
         self._guidance, self._room = problem.guidance, problem.room
+        self._judges = problem.judges
         none = np.empty((0, len(problem.space.parameters)))
         self._failures = none if problem.found is None else problem.found
         self._ran, self._failed = KnownRows(), KnownRows()
@@ -401,7 +402,9 @@ class _Search:
         failing = outcomes.collision & outcomes.executed
         worth = np.where(failing, self._settings.unpreventable, 0.0)
         # Only failures are played with careful drivers: these are few of the draws.
-        worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], plays)
+        worth[failing] += (1.0 - self._settings.unpreventable) * survivors(
+            theta[failing], plays, self._judges
+        )
         return worth
 
     def _unit(self, theta: FloatArray) -> FloatArray:

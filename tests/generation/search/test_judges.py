@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ from generation.search.outcomes import (
     Episodes,
     Outcomes,
     choose,
+    judges_of,
     matrix,
     remembering,
     survivors,
@@ -25,6 +27,7 @@ from generation.search.settings import Choice
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import Parameter
 from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 
 SPACE = Space(
     (
@@ -68,8 +71,26 @@ def test_cases_are_foreseeable_and_preventable_failures_the_likelier_first() -> 
     assert tags["CarefulDriver"] == ["collision", "avoids a collision"]
     assert tags["SurvivedBy"] == ["fsm", "r157-cc, fsm"]
     assert set(cases.drivers) == set(REFERENCES)
-    assert cases.prevented_by() == "both 1, fsm only 1"
-    assert chosen(rows, outcomes([False] * 5)).prevented_by() == ""
+    assert cases.prevented_by() == {"both": 1, "fsm only": 1}
+    assert chosen(rows, outcomes([False] * 5)).prevented_by() == {}
+
+
+def test_the_judges_that_are_asked_for_decide() -> None:
+    theta = np.array([[3.0, 1.0, 0.0], [9.0, 7.0, 0.0], [6.0, 9.0, 0.0]])
+    every = Episodes(theta, outcomes([True] * 3), np.zeros(3))
+    strict = choose(SPACE, every, judged, drivers, judges=judges_of(["r157-cc"]))
+    assert strict.theta.tolist() == theta[:1].tolist()
+    assert strict.prevented_by() == {"r157-cc": 1} and strict.take(np.array([0])).judges == (
+        "r157-cc",
+    )
+    assert set(strict.drivers) == set(REFERENCES), "all reference drivers are shown in any case"
+    none = choose(SPACE, every, judged, drivers, judges=judges_of(["aeb"]))
+    assert len(none) == 0
+    three = choose(SPACE, every, judged, drivers, judges=judges_of(["fsm", "r157-cc", "aeb"]))
+    assert three.prevented_by() == {"fsm only": 1, "fsm and r157-cc only": 1}
+    assert judges_of([]) == JUDGES and judges_of(["fsm", "fsm"]) == ("fsm",)
+    with pytest.raises(UsageError, match="--judge 'fms': did you mean 'fsm'"):
+        judges_of(["fms"])
 
 
 def test_violations_of_distances_are_cases_on_request_only() -> None:
