@@ -196,94 +196,156 @@ class Space:
             Unsupported: the values allowed to a searched parameter are not one interval.
             InvalidFile: the file is malformed, or a pinned value violates its constraints.
         """
-        node = xosc.load(scenario).node
-        declared = {declaration.get("name"): declaration for declaration in _declarations(node)}
-        pinned = dict(pinned or {})
-        for name in (*pinned, *free, *ranges):
-            if name not in declared:
-                raise UsageError(
-                    f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario
-                )
-        assigned = {
-            name: Assignment(value, partial(UsageError, path=scenario), True)
-            for name, value in pinned.items()
-        }
-        scope = ParameterScope(declared.values(), assigned=assigned)
-        bounded = [name for name, declaration in declared.items() if _bounded(declaration, scope)]
-        chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
-        for name in (*free, *ranges):
-            if (
-                reason := _obstacle(name, name in pinned, name in bounded, ranges.get(name), scope)
-            ) is not None:
-                raise UsageError(
-                    f"the parameter {name} can't be searched: it {reason}", path=scenario
-                )
-        for violation in ParameterScope(
-            [declared[name] for name in pinned], scope, assigned
-        ).violations():
-            raise violation
-        searched = [
-            name
-            for name in declared
-            if name in chosen and name not in pinned and (name in bounded or name in ranges)
-        ]
-        if not searched:
-            left = {name: value for name, value in numbers(scenario).items() if name not in pinned}
-            instead = (
-                f"give limits, as {free_option(left)}"
-                if left
-                else "every number that it declares is pinned"
-            )
-            raise UsageError(
-                f"no parameter with a lower and an upper limit is left to search: {instead}",
-                path=scenario,
-            )
-        literals = {
-            name: scope.own[name].text
-            for name, declaration in declared.items()
-            if "$" not in declaration.get("value")
-        }
-        follows = {
-            name: ranges[name].follows
-            for name in searched
-            if name in ranges and ranges[name].follows
-        }
+        choice = _ParameterChoice(scenario, dict(pinned or {}), free, ranges)
+        names = choice.searched(ego, default)
+        follows = choice.follows(names)
         following = {
-            name: first
+            name
             for first, values in follows.items()
             for texts in values.values()
             for name in texts
             if name != first
         }
-        for name, first in following.items():
-            if name not in declared or name in pinned or name in chosen:
-                reason = "is searched or pinned itself" if name in declared else "is not declared"
-                raise UsageError(
-                    f"the parameter {name} belongs to the values of {first}, and {reason}",
-                    path=scenario,
-                )
-        rest = {
-            name: value
-            for name, value in (literals | pinned).items()
-            if name not in searched and name not in following
-        }
-        sides = (
-            _of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope)
-            for name in searched
-        )
-        choices = {
-            name: _choices(ranges[name], scope.own[name].type)
-            for name in searched
-            if name in ranges
-        }
-        admits = partial(_admits, list(declared.values())) if ranges else None
         return cls(
-            tuple(sides),
-            rest,
-            {name: choice for name, choice in choices.items() if choice},
+            tuple(choice.side(name) for name in names),
+            {
+                name: value
+                for name, value in choice.literals.items()
+                if name not in names and name not in following
+            },
+            choice.values(names),
             follows,
-            admits,
+            partial(_admits, list(choice.declared.values())) if ranges else None,
         )
+
+
+class _ParameterChoice:
+    """Declarations of a scenario, and those of them that are pinned, free, or have a range.
+
+    Args: see `Space.of`.
+
+    Raises:
+        UsageError: a name is not declared.
+    """
+
+    def __init__(
+        self,
+        scenario: str | PathLike[str],
+        pinned: Mapping[str, str],
+        free: Sequence[str],
+        ranges: Mapping[str, Marginal],
+    ) -> None:
+        self._scenario, self._pinned, self._free, self._ranges = scenario, pinned, free, ranges
+        node = xosc.load(scenario).node
+        self.declared = {each.get("name"): each for each in _declarations(node)}
+        for name in (*pinned, *free, *ranges):
+            if name not in self.declared:
+                raise UsageError(
+                    f"there is no parameter {name!r}; {nearest(name, self.declared)}", path=scenario
+                )
+        self._assigned = {
+            name: Assignment(value, partial(UsageError, path=scenario), True)
+            for name, value in pinned.items()
+        }
+        self._scope = ParameterScope(self.declared.values(), assigned=self._assigned)
+
+    def searched(self, ego: str, default: bool) -> list[str]:
+        """Names of the parameters to search, in the order of their declarations.
+
+        Raises:
+            UsageError: one can't be searched, or none is left.
+            InvalidFile: a pinned value violates its constraints.
+        """
+        asked = (*self._free, *self._ranges)
+        bounded = [name for name, each in self.declared.items() if _bounded(each, self._scope)]
+        for name in asked:
+            limits = self._ranges.get(name)
+            reason = _obstacle(name, name in self._pinned, name in bounded, limits, self._scope)
+            if reason is not None:
+                raise UsageError(
+                    f"the parameter {name} can't be searched: it {reason}", path=self._scenario
+                )
+        held = [self.declared[name] for name in self._pinned]
+        for violation in ParameterScope(held, self._scope, self._assigned).violations():
+            raise violation
+        chosen = (_by_default(bounded, ego) if default else set()) | {*asked}
+        found = [
+            name
+            for name in self.declared
+            if name in chosen and name not in self._pinned
+            if name in bounded or name in self._ranges
+        ]
+        if not found:
+            raise UsageError(
+                f"no parameter with a lower and an upper limit is left to search: {self._instead()}",
+                path=self._scenario,
+            )
+        return found
+
+    def _instead(self) -> str:
+        """Remedy where nothing is left to search."""
+        left = {
+            name: value
+            for name, value in numbers(self._scenario).items()
+            if name not in self._pinned
+        }
+        if left:
+            return f"give limits, as {free_option(left)}"
+        return "every number that it declares is pinned"
+
+    @property
+    def literals(self) -> dict[str, str]:
+        """Values that are declared as literals, or pinned, by name."""
+        declared = {
+            name: self._scope.own[name].text
+            for name, each in self.declared.items()
+            if "$" not in each.get("value")
+        }
+        return {**declared, **self._pinned}
+
+    def side(self, name: str) -> Parameter:
+        """Side of the box of a parameter that is searched."""
+        if name in self._ranges:
+            return _of_range(name, self._ranges[name])
+        return _parameter(self.declared[name], self._scope)
+
+    def values(self, names: Sequence[str]) -> dict[str, Sequence[float]]:
+        """The only values of some of the parameters, by name."""
+        found = {
+            name: _choices(self._ranges[name], self._scope.own[name].type)
+            for name in names
+            if name in self._ranges
+        }
+        return {name: choice for name, choice in found.items() if choice}
+
+    def follows(self, names: Sequence[str]) -> dict[str, Mapping[float, Mapping[str, str]]]:
+        """Values of other parameters that belong to those of some of the searched ones.
+
+        Raises:
+            UsageError: another one is not declared, or is searched or pinned itself.
+        """
+        found = {
+            name: self._ranges[name].follows
+            for name in names
+            if name in self._ranges and self._ranges[name].follows
+        }
+        taken = {*self._pinned, *self._free, *self._ranges, *names}
+        others = (
+            (first, name)
+            for first, values in found.items()
+            for texts in values.values()
+            for name in texts
+            if name != first
+        )
+        for first, name in others:
+            if name in self.declared and name not in taken:
+                continue
+            reason = "is searched or pinned itself" if name in self.declared else "is not declared"
+            raise UsageError(
+                f"the parameter {name} belongs to the values of {first}, and {reason}",
+                path=self._scenario,
+            )
+        return found
 
 
 def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
