@@ -69,7 +69,7 @@ class Probability(NamedTuple):
         return self.effective >= LEAST_EFFECTIVE
 
     def as_json(self) -> dict[str, Any]:
-        """For files: the interval is of 95 %."""
+        """Return it as a JSON object, for files; the interval is of 95 %."""
         return {
             "value": self.value,
             "interval": self.interval,
@@ -212,12 +212,12 @@ class WeightedRows(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Of the weights over all draws."""
+        """Mean of the weights over all draws."""
         return float(self.weights.sum()) / self.draws
 
     @property
     def variance(self) -> float:
-        """Of `mean`."""
+        """Variance of `mean`."""
         square = float(self.weights @ self.weights) / self.draws
         return max(square - self.mean**2, 0.0) / max(self.draws - 1, 1)
 

@@ -487,7 +487,7 @@ class Chance(NamedTuple):
 
     @classmethod
     def counted(cls, failing: int, draws: int, most: float = 1.0) -> Chance:
-        """By draws of the density itself; `most` is a limit of what it is a part of."""
+        """Count draws of the density itself; `most` is a limit of what it is a part of."""
         if not draws:
             return cls(0.0, (0.0, 1.0), 0, 0)
         low, high = Share(failing, draws).interval
@@ -497,11 +497,11 @@ class Chance(NamedTuple):
 
     @classmethod
     def weighted(cls, found: Probability, draws: int, failing: int) -> Chance:
-        """By weighted draws of an estimate."""
+        """Take the probability of weighted draws of an estimate."""
         return cls(found.value, found.interval, draws, failing)
 
     def as_json(self) -> dict[str, Any]:
-        """For files and the page."""
+        """Return it as a JSON object, for files and the page."""
         return {
             "draws": self.draws,
             "failing_draws": self.failing,
@@ -525,7 +525,7 @@ class FailureParts(NamedTuple):
     weighted: bool
 
     def as_json(self) -> dict[str, Any]:
-        """For files and the page."""
+        """Return it as a JSON object, for files and the page."""
         return {
             "others": self.others.as_json(),
             "all": self.every.as_json(),

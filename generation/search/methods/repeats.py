@@ -51,7 +51,7 @@ class Repeats(NamedTuple):
         return cls(executed & again, failing, runs)
 
     def take(self, rows: BoolArray | IntArray) -> Self:
-        """Some of them, by a mask (n,) or by indices."""
+        """Return some of them, by a mask (n,) or by indices."""
         return type(self)(self.again[rows], self.failing[rows], self.runs[rows])
 
     @property
@@ -60,7 +60,7 @@ class Repeats(NamedTuple):
         return int((~self.again).sum())
 
     def as_json(self) -> dict[str, Any]:
-        """For files."""
+        """Return the counts as a JSON object, for files."""
         return {
             "failures": len(self.again),
             "again": int(self.again.sum()),

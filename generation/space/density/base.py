@@ -160,7 +160,7 @@ class Density(ABC):
         return None
 
     def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
-        """Fitted as `arrays` says."""
+        """Take the fit that `arrays` gave."""
         raise NotImplementedError
 
     @property

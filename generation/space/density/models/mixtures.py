@@ -132,7 +132,7 @@ class Mixture(Density):
         return {**asdict(self._whitening), **asdict(self._white)}
 
     def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
-        """Fitted as `arrays` says."""
+        """Take the fit that `arrays` gave."""
         self._whitening = Whitening(arrays["mean"], arrays["factor"])
         self._white = Components(
             *(arrays[name] for name in ("log_weights", "means", "covariances"))
@@ -208,7 +208,7 @@ class Student(Density):
         return {**self._mixture.arrays(), "chosen": np.array([freedom, float(exceeded)])}
 
     def restore(self, arrays: Mapping[str, FloatArray]) -> Self:
-        """Fitted as `arrays` says."""
+        """Take the fit that `arrays` gave."""
         freedom, exceeded = arrays["chosen"].tolist()
         self._mixture, self._chosen = Mixture().restore(arrays), (freedom, bool(exceeded))
         self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
