@@ -101,6 +101,7 @@ _ZERO_BY_DEFAULT = {
     "width": ("a",),
     "border": ("a",),
     "crossfall": ("a",),
+    "height": ("inner", "outer"),
     "arc": ("curvature",),
     "spiral": ("curvStart", "curvEnd"),
     "poly3": tuple("abcd"),
@@ -118,6 +119,7 @@ _STARTS = {
     "type": "s",
     "width": "sOffset",
     "border": "sOffset",
+    "height": "sOffset",
     "speed": "sOffset",
 }
 """Attribute with the start of a record, by element; a missing one of a first record is 0."""
@@ -126,7 +128,7 @@ _PARENTS = {
     "elevation": "elevationProfile",
     **dict.fromkeys(("superelevation", "shape", "crossfall"), "lateralProfile"),
     **dict.fromkeys(("laneOffset", "laneSection"), "lanes"),
-    **dict.fromkeys(("width", "border", "speed"), "lane"),
+    **dict.fromkeys(("width", "border", "height", "speed"), "lane"),
     **dict.fromkeys(("arc", "spiral", "poly3", "paramPoly3"), "geometry"),
     "type": "road",
 }

@@ -359,6 +359,21 @@ def test_faults_outside_of_the_elements_are_repaired(
         xodr.load(broken, strict=True)
 
 
+def test_heights_of_other_names_are_read_as_none(tmp_path: Path) -> None:
+    text = (LIBRARY / "narrow_road.xodr").read_text()
+    path = tmp_path / "heights.xodr"
+    root = etree.fromstring(text.encode())
+    lane = root.find(".//lane[@id='-1']")
+    assert lane is not None
+    lane.append(etree.Element("height", {"sOffset": "0", "heightInner": "0.12"}))
+    etree.ElementTree(root).write(path)
+    network = xodr.load(path)
+    said = [str(remark) for remark in network.remarks]
+    assert any(
+        "height: the attribute 'inner' is missing (and 1 more); read as 0" in line for line in said
+    )
+
+
 def test_other_elements_of_the_same_names_are_left_alone(tmp_path: Path) -> None:
     """Types of road marks, borders of objects and speeds of signs have no start and no coefficients."""
     text = (LIBRARY / "narrow_road.xodr").read_text()
