@@ -397,7 +397,8 @@ def read(path: Path) -> LaneMap:
     lights = []
     for light in root.iterchildren("trafficLight"):
         if light.get("id") in held:
-            x, y = (float(light.findtext(f"position/point/{axis}") or 0.0) for axis in "xy")
+            place = light.find("position/point")
+            x, y = (number(place, axis) for axis in "xy") if place is not None else (0.0, 0.0)
             what = ("1000001", "-1", "OpenDRIVE", None, "")
             lights.append(
                 MapSignal(
@@ -457,6 +458,7 @@ def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:
 
 def _with_heights(line: FloatArray, element: etree._Element, tag: str) -> FloatArray:
     heights = [
-        float(point.findtext("z") or 0.0) for point in child(element, tag).iterchildren("point")
+        number(point, "z") if point.findtext("z") else 0.0
+        for point in child(element, tag).iterchildren("point")
     ]
     return np.column_stack([line, heights])

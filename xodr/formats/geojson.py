@@ -101,7 +101,7 @@ def read(path: Path) -> LaneMap:
         InvalidFile: it is no such file.
     """
     try:
-        content = json.loads(read_bytes(path))
+        content = json.loads(read_bytes(path), parse_constant=_no_number)
         about = content["properties"]
         offset = tuple(float(part) for part in about["offset"])
         made = LaneMap(about["name"], {}, [], about["projection"], offset, about["left_hand"])  # type: ignore[arg-type]
@@ -109,10 +109,14 @@ def read(path: Path) -> LaneMap:
         projector = Projector.of(made) if about["coordinates"] == "WGS 84" else None
         for feature in content["features"]:
             _take(feature["properties"], feature["geometry"]["coordinates"], made, projector)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
         message = f"this is no GeoJSON of lanes as this project writes them ({type(error).__name__}: {error})"
         raise InvalidFile(message, path=path) from None
     return made
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(f"{name} is no number")
 
 
 def _take(

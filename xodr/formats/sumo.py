@@ -35,8 +35,8 @@ from xodr.lookup.arrays import Points, section_stations
 from xodr.lookup.lanelets import sides
 from xodr.model import Lane
 
-_WIDTH = 3.2
-"""Width (m) of lanes that name none."""
+_WIDTH, _SPEED = 3.2, 13.89
+"""Width (m) and speed limit (m/s) of lanes that name none."""
 _TYPES = {
     "pedestrian": "sidewalk", "bicycle": "biking", "bus": "bus", "tram": "tram", "rail": "rail", "rail_urban": "rail",
     "emergency": "shoulder",
@@ -190,7 +190,7 @@ def read(path: Path) -> LaneMap:
     for edge in root.iterchildren("edge"):
         if edge.get("function") in ("crossing", "walkingarea", "connector"):
             continue
-        row = sorted(edge.iterchildren("lane"), key=lambda lane: int(lane.get("index", "0")))
+        row = sorted(edge.iterchildren("lane"), key=lambda lane: _number(lane, "index", 0.0, path))
         made = [_lane(lane, edge, path) for lane in row]
         internal = edge.get("function") == "internal"
         if not internal:
@@ -214,7 +214,7 @@ def read(path: Path) -> LaneMap:
             lanes[lane.id] = lane
     lights = _connect(root, lanes)
     location = root.find("location")
-    projection, offset = _location(location)
+    projection, offset = _location(location, path)
     notes = ["the network says nothing of its place on Earth"] if projection is None else []
     if moved:
         notes.append(
@@ -236,10 +236,10 @@ def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
         raise InvalidFile(
             "the lane has no shape", path=path, line=line_of(lane), element=f"lane {lane.get('id')}"
         )
-    half = 0.5 * float(lane.get("width", _WIDTH))
+    half = 0.5 * _number(lane, "width", _WIDTH, path)
     return MapLane(
         lane.get("id", ""), shifted(line, half), shifted(line, -half), _type(lane, edge),
-        limit=float(lane.get("speed", "13.89")),
+        limit=_number(lane, "speed", _SPEED, path),
     )  # fmt: skip
 
 
@@ -264,6 +264,27 @@ def _take_borders(made: MapLane, lane: etree._Element, path: Path) -> bool | Non
 
 _MOVED = 0.1
 """Distance (m) of a shape from the middle of the borders, above which the lane has been moved since."""
+
+
+def _number(element: etree._Element, attribute: str, default: float, path: Path) -> float:
+    """A finite number of an attribute.
+
+    Raises:
+        InvalidFile: it is none.
+    """
+    value = element.get(attribute)
+    try:
+        number = default if value is None else float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InvalidFile(
+            f"{attribute}={value!r} is no finite number",
+            path=path,
+            line=line_of(element),
+            element=str(element.tag),
+        )
+    return number
 
 
 def _points(element: etree._Element, attribute: str, path: Path) -> Points:
@@ -347,11 +368,12 @@ def _connect(root: etree._Element, lanes: dict[str, MapLane]) -> list[MapSignal]
 
 
 def _location(
-    location: etree._Element | None,
+    location: etree._Element | None, path: Path
 ) -> tuple[str | None, tuple[float, float, float, float]]:
     """Projection and offset, as OpenDRIVE has them."""
     projection = location.get("projParameter", "!") if location is not None else "!"
     if location is None or projection in ("!", "-", ""):
         return None, (0.0, 0.0, 0.0, 0.0)
-    x, y, *_ = (float(part) for part in location.get("netOffset", "0,0").split(","))
+    found = _points(location, "netOffset", path)
+    x, y = found[0, :2].tolist() if len(found) else (0.0, 0.0)
     return projection, (0.0 - x, 0.0 - y, 0.0, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable
@@ -549,6 +550,25 @@ def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
     assert (tmp_path / "map.osm").read_text() == "mine"
 
 
+def net(attributes: str, shape: str = "0,0 10,0") -> str:
+    """A network of one lane."""
+    lane = f'<lane id="e_0" {attributes} shape="{shape}"/>'
+    return f'<net><location netOffset="0,0" projParameter="+proj=utm"/><edge id="e">{lane}</edge></net>'
+
+
+def commonroad(height: str) -> str:
+    """A map of one lanelet with a light at x = 9."""
+    bounds = "".join(
+        f"<{side}Bound>{''.join(f'<point><x>{x}</x><y>{y}</y>{height}</point>' for x in (0, 10))}</{side}Bound>"
+        for side, y in (("left", 3), ("right", 0))
+    )
+    lanelet = f'<lanelet id="1">{bounds}<laneletType>urban</laneletType><trafficLightRef ref="2"/></lanelet>'
+    light = (
+        '<trafficLight id="2"><position><point><x>9</x><y>0</y></point></position></trafficLight>'
+    )
+    return f"<commonRoad>{lanelet}{light}</commonRoad>"
+
+
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -562,6 +582,23 @@ def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
         ("a.xml", "<other/>", "of no map format"),
         ("a.geojson", "{}", "no GeoJSON"),
         ("a.osm", "<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>", "left"),
+        ("a.geojson", "[" * 100_000, "RecursionError"),
+        ("a.net.xml", net('index="one"'), "lane: index='one' is no finite number"),
+        ("a.net.xml", net('speed="fast"'), "lane: speed='fast' is no finite number"),
+        ("a.net.xml", net('width="nan"'), "a.net.xml:1: lane: width='nan' is no finite number"),
+        (
+            "a.net.xml",
+            net('width="1e300"'),
+            "lane e_0: a border of the lane has coordinates beyond",
+        ),
+        ("a.net.xml", net('width="2"', "0,0 9e7,0"), "lanes are longer than 20,000 km"),
+        (
+            "a.net.xml",
+            net("").replace('netOffset="0,0', 'netOffset="a,b'),
+            "netOffset='a,b' is no point",
+        ),
+        ("a.xml", commonroad("<z>high</z>"), "a.xml:1: z: 'high' is no measured value"),
+        ("a.xml", commonroad("").replace("<x>9", "<x>q"), "x: 'q' is no measured value"),
     ],
 )
 def test_bad_input_is_one_line_with_the_file(
@@ -571,6 +608,26 @@ def test_bad_input_is_one_line_with_the_file(
     with pytest.raises(InvalidFile, match=said) as error:
         maps.read_map(tmp_path / name)
     assert str(tmp_path / name) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_projection_that_is_not_understood_is_left_out(source: Path, tmp_path: Path) -> None:
+    """Older maps of CARLA name an origin without a projection."""
+    text = source.read_text(encoding="utf-8")
+    path = tmp_path / "old.xodr"
+    path.write_text(re.sub(r"\+proj=\S+", "", text), encoding="utf-8")
+    assert path.read_text(encoding="utf-8") != text
+    for target in ("lanelet2", "commonroad", "geojson", "sumo"):
+        made = maps.convert(path, tmp_path / ENDINGS[target])
+        assert any("is not understood" in note and "left out" in note for note in made.notes)
+        assert made.result.projection is None and made.difference.within > 0.99
+
+
+def test_lanes_wider_than_the_earth_are_refused(tmp_path: Path) -> None:
+    """They were compared every metre: of a width of 1e11 m that filled the memory."""
+    text = (LIBRARY / "roundabout.xodr").read_text()
+    (tmp_path / "wide.xodr").write_text(re.sub(r'(<width[^>]*) a="[^"]*"', r'\1 a="1e11"', text))
+    with pytest.raises(InvalidFile, match=r"wide.xodr: lane .*: a border of the lane has"):
+        maps.convert(tmp_path / "wide.xodr", tmp_path / "map.geojson")
 
 
 def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:

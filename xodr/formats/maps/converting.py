@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.common.fates import Fates, changed, kept, lost
 from schemas.common.storage import keep, writing
@@ -20,6 +22,7 @@ from xodr.formats.maps.comparing import MapDifference, compare
 from xodr.formats.maps.editing.changes import Version
 from xodr.formats.maps.editing.versions import in_version, version_of
 from xodr.formats.maps.lane_map import LaneMap
+from xodr.formats.maps.projecting import Projector
 from xodr.formats.sumo_net.building import osm_network
 from xodr.reader import load
 
@@ -191,8 +194,17 @@ def read_map(
     if origin is not None and kind != "lanelet2":
         raise UsageError(f"an origin is for Lanelet2 maps; this is {kind}", path=path)
     if kind == "opendrive":
-        return lane_map.of_network(load(path))
-    made = _read_lanes(path, origin, kind)
+        made = lane_map.of_network(load(path))
+    else:
+        made = _read_lanes(path, origin, kind)
+    _check_size(made, path)
+    try:
+        Projector.of(made)
+    except UsageError as error:  # PROJ reads no file for it
+        made.projection = None
+        made.notes.append(f"{error.message}; it is left out")
+    if kind == "opendrive":
+        return made
     crossed = [lane.id for lane in made.lanes.values() if lane_map.sides_exchanged(lane)]
     if crossed:
         made.notes.append(
@@ -202,6 +214,36 @@ def read_map(
     return made
 
 
+def _check_size(made: LaneMap, path: Path) -> None:
+    """Refuse lanes that are none on Earth: places along them fill the memory.
+
+    Raises:
+        InvalidFile: a border has no finite place or lies too far off, or lanes are too long.
+    """
+    total = 0.0
+    for lane in made.lanes.values():
+        for border in (lane.left, lane.right):
+            if len(border) < 2:
+                raise InvalidFile(
+                    "a border of the lane is missing", path=path, element=f"lane {lane.id}"
+                )
+            if not np.abs(border).max(initial=0.0) <= _FARTHEST:  # NaN as well
+                raise InvalidFile(
+                    f"a border of the lane has coordinates beyond {_FARTHEST:g} m, or no numbers",
+                    path=path,
+                    element=f"lane {lane.id}",
+                )
+        total += lane.length
+        if total > _LONGEST:
+            raise InvalidFile(
+                f"lanes are longer than {_LONGEST / 1000.0:,.0f} km together",
+                path=path,
+                element=f"lane {lane.id}",
+            )
+
+
+_FARTHEST, _LONGEST = 1e8, 2e7
+"""Largest coordinate, and length of all lanes of a map, m"""
 _NAMED = 10
 """Most lanes that a note names"""
 
