@@ -476,6 +476,14 @@ def test_a_ring_and_a_steep_bank_come_back_where_they_were(
     assert difference.heights.most < 0.05
 
 
+def test_a_lane_that_turns_about_a_border_is_left_out_by_name(tmp_path: Path) -> None:
+    """Its border has no length; the file was refused by its own reader."""
+    source = one_road((arc(9.0, -1 / 6.0),), False, 0.0).write(tmp_path / "corner.xodr")
+    made = maps.convert(source, tmp_path / "map.osm")
+    assert "lane 1/0/-2 is left out: a border of it is shorter than 0.1 m" in made.notes
+    assert len(made.source.lanes) == 2 and len(made.result.lanes) == 1
+
+
 @pytest.mark.parametrize("between", ["lanelet2", "geojson"])
 def test_the_right_of_way_is_that_of_the_source(between: str, tmp_path: Path) -> None:
     source = LIBRARY / "t_junction_two_lanes.xodr"

@@ -23,7 +23,7 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
-from xodr.formats.lanelet2.borders import completed
+from xodr.formats.lanelet2.borders import TOUCHING, completed
 from xodr.formats.lanelet2.reader import read_lanelets
 from xodr.formats.lanelet2.signs import element_tags, face, way_tags
 from xodr.formats.maps.lane_map import (
@@ -31,6 +31,7 @@ from xodr.formats.maps.lane_map import (
     MapCrosswalk,
     MapLane,
     MapSignal,
+    gone,
     heights_on,
     sides_of,
     with_area,
@@ -200,18 +201,19 @@ def _bounds(
     ends = _joined_ends(lanes, notes)
     bounds: dict[str, tuple[int, ...]] = {}
     for name, lane in lanes.items():
-        left, right = (
-            writer.line(_with_ends(line, ends, (name, side)))
+        lines = [
+            _with_ends(line, ends, (name, side))
             for side, line in (("left", lane.left), ("right", lane.right))
-        )
-        if min(len(left), len(right)) < 2:
-            notes.append(f"lane {name} is left out: it is shorter than {_NEAR:g} m")
+        ]
+        left, right = (writer.line(line) for line in lines)
+        if min(len(left), len(right)) < 2 or min(gone(line)[-1] for line in lines) <= TOUCHING:
+            notes.append(f"lane {name} is left out: a border of it is shorter than {TOUCHING:g} m")
             continue
-        lines = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
+        ways = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
         if lane.type in _AREAS:
             closing = [(left[at], right[at]) for at in (-1, 0) if left[at] != right[at]]
-            lines += [(nodes, {"type": "virtual"}) for nodes in closing]
-        bounds[name] = tuple(writer.way(nodes, tags) for nodes, tags in lines)
+            ways += [(nodes, {"type": "virtual"}) for nodes in closing]
+        bounds[name] = tuple(writer.way(nodes, tags) for nodes, tags in ways)
     return bounds
 
 
