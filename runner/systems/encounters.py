@@ -48,19 +48,19 @@ def ratio(numerator: Any, denominator: Any, otherwise: float) -> Any:
 
 
 def least(one: Any, other: Any) -> Any:
-    """The lesser value, the other one where they are equal or not comparable."""
+    """The lesser value, the other one where they are equal or the first is no number."""
     is_one = one < other
     if is_one is True:  # as `choose`, without a call: laws ask for it often
         return one
-    return other if is_one is False else np.where(is_one, one, other)
+    return other if is_one is False else np.fmin(one, other)
 
 
 def greatest(one: Any, other: Any) -> Any:
-    """The greater value, the other one where they are equal or not comparable."""
+    """The greater value, the other one where they are equal or the first is no number."""
     is_one = one > other
     if is_one is True:
         return one
-    return other if is_one is False else np.where(is_one, one, other)
+    return other if is_one is False else np.fmax(one, other)
 
 
 def tanh(value: Any) -> Any:

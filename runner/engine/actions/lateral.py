@@ -498,23 +498,31 @@ class _Sideways(ArrayProcess):
     def step(self, dt: float) -> BoolArray:
         """Ask for the shape's offset at the end of the step, limited to what the entity's motion
         reaches."""
-        actor, active = self._actor, self.active & self._run.going
-        way, left = np.abs(actor.speed) * dt, actor.kept_offset * actor.direction
-        moved = active & (np.abs(left - self._asked) > _SAME_PLACE)
-        self._run.leave(moved & np.isnan(actor.target_offset))  # an Easing follows
-        self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
-        progress = np.divide(
-            self._past, self._extent, out=np.ones_like(way), where=self._extent > 0.0
-        )
+        actor, done = self._actor, np.zeros_like(self.active)
+        rows = np.flatnonzero(self.active & self._run.going)
+        direction, extent = actor.direction[rows], self._extent[rows]
+        way, left = np.abs(actor.speed[rows]) * dt, actor.kept_offset[rows] * direction
+        moved = np.abs(left - self._asked[rows]) > _SAME_PLACE
+        if moved.any():
+            eased = rows[moved & np.isnan(actor.target_offset[rows])]  # an Easing follows
+            self._run.leave(np.isin(np.arange(len(done)), eased))
+        if self._over_distance:
+            self._past[rows] = actor.odometer[rows] - self._origin[rows] + way
+        else:
+            self._past[rows] += dt
+        lasts = extent > 0.0
+        progress = np.divide(self._past[rows], extent, out=np.ones_like(way), where=lasts)
         over = progress >= 1.0 - EPSILON
         shape = self._shape.values(np.minimum(progress, 1.0))
-        offset = np.where(over, self._goal, self._start + (self._goal - self._start) * shape)
+        start, goal = self._start[rows], self._goal[rows]
+        offset = np.where(over, goal, start + (goal - start) * shape)
         bounded = np.minimum(np.maximum(offset, left - way), left + way)
-        offset = np.where(self._extent > 0.0, bounded, offset)
-        self._asked = np.where(active, offset, self._asked)
-        actor.target_offset = np.where(active, offset * actor.direction, actor.target_offset)
-        actor.path_compensated = np.where(active, self.compensated, actor.path_compensated)
-        return active & over & (offset == self._goal) & (not self._kept)
+        offset = np.where(lasts, bounded, offset)
+        self._asked[rows] = offset
+        actor.target_offset[rows] = offset * direction
+        actor.path_compensated[rows] = self.compensated
+        done[rows] = over & (offset == goal) & (not self._kept)
+        return done
 
     def stop(self, rows: BoolArray) -> None:
         """Have the entity keep to the lane that it is on."""

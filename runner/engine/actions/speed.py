@@ -183,14 +183,14 @@ class _Changes(ArrayProcess):
         self._elapsed = self._elapsed + dt
         if self._action.continuous:
             return self._track(dt)
-        actor, active = self._actor, self.active
-        progress = np.divide(
-            self._elapsed, self._duration, out=np.zeros_like(self._elapsed), where=active
-        )
-        done = active & (progress >= 1.0 - EPSILON)
+        rows = np.flatnonzero(self.active)
+        start, target = self._start[rows], self._target[rows]
+        progress = self._elapsed[rows] / self._duration[rows]
+        over = progress >= 1.0 - EPSILON
         shape = self._action.dynamics.shape.values(np.minimum(progress, 1.0))
-        wanted = np.where(done, self._target, self._start + (self._target - self._start) * shape)
-        actor.target_speed = np.where(active, wanted, actor.target_speed)
+        self._actor.target_speed[rows] = np.where(over, target, start + (target - start) * shape)
+        done = np.zeros_like(self.active)
+        done[rows] = over
         return done
 
     def _track(self, dt: float) -> BoolArray:

@@ -377,16 +377,20 @@ def _sidestep_arrays(
     rows: EntityRows, distance: FloatArray, steered: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """`LaneMotion._sidestep` in many runs, where they are steered; nothing of the rows changes."""
-    left = np.where(steered, (rows.target_offset - rows.kept_offset) * rows.direction, 0.0)
-    rest = np.copysign(np.sqrt(np.maximum(distance * distance - left * left, 0.0)), distance)
-    part = np.divide(left, distance, out=np.zeros_like(left), where=distance != 0.0)
-    across = np.arcsin(np.clip(part, -1.0, 1.0))
-    beside = np.where(np.abs(left) <= np.abs(distance), np.arctan(part), 0.0)
-    compensated = steered & rows.path_compensated
-    return (
-        np.where(compensated, rest, distance),
-        np.where(compensated, across, np.where(steered, beside, 0.0)),
-    )
+    some = np.flatnonzero(steered)
+    way = distance[some]
+    left = (rows.target_offset[some] - rows.kept_offset[some]) * rows.direction[some]
+    part = np.divide(left, way, out=np.zeros_like(left), where=way != 0.0)
+    along, turn = distance.copy(), np.zeros_like(distance)
+    compensated = rows.path_compensated[some]
+    if compensated.any():
+        rest = np.copysign(np.sqrt(np.maximum(way * way - left * left, 0.0)), way)
+        along[some] = np.where(compensated, rest, way)
+        turn[some] = np.arcsin(np.clip(part, -1.0, 1.0))
+    if not compensated.all():
+        beside = np.where(np.abs(left) <= np.abs(way), np.arctan(part), 0.0)
+        turn[some] = np.where(compensated, turn[some], beside)
+    return along, turn
 
 
 def _drift(entity: Entity) -> float:

@@ -387,7 +387,9 @@ def ahead_arrays(
 def _extent_arrays(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray]:
     """Extent of boxes along or across a straight road, m from the reference point (n,)."""
     turn, box = rows.h - rows.start_h, rows.box
-    c, s = np.cos(turn), np.sin(turn)
+    c, s = np.ones_like(turn), np.zeros_like(turn)
+    some = np.flatnonzero(turn)  # mostly the few that change lanes
+    c[some], s[some] = np.cos(turn[some]), np.sin(turn[some])
     middle = box.x * c - box.y * s if along else box.x * s + box.y * c
     half = (
         box.length * np.abs(c) + box.width * np.abs(s)

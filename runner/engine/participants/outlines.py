@@ -123,11 +123,21 @@ def box_distance(a: OutlineRows, b: OutlineRows, seen: Sight | None = None) -> F
 def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
     """Squared distance of the nearest corner of a box seen from another's centre to that box."""
     nearest = np.full(seen.x.shape, np.inf)
-    for along in (-other.length / 2, other.length / 2):
-        for across in (-other.width / 2, other.width / 2):
-            dx = np.abs(seen.x + along * seen.cos - across * seen.sin) - box.length / 2
-            dy = np.abs(seen.y + along * seen.sin + across * seen.cos) - box.width / 2
-            nearest = np.minimum(nearest, np.maximum(dx, 0.0) ** 2 + np.maximum(dy, 0.0) ** 2)
+    length, width = other.length / 2, other.width / 2
+    sideways = width * seen.sin, width * seen.cos
+    for end in (-length, length):
+        x, y = seen.x + end * seen.cos, seen.y + end * seen.sin
+        for aside in (np.subtract, np.add):  # to the right and to the left
+            dx = np.abs((x - sideways[0]) if aside is np.add else (x + sideways[0]))
+            dy = np.abs(aside(y, sideways[1]))
+            dx -= box.length / 2
+            dy -= box.width / 2
+            np.maximum(dx, 0.0, out=dx)
+            np.maximum(dy, 0.0, out=dy)
+            dx *= dx
+            dy *= dy
+            dx += dy
+            np.minimum(nearest, dx, out=nearest)
     return nearest
 
 

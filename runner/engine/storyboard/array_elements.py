@@ -343,8 +343,12 @@ class _TimedConditionArrays(RunRows):
             at = step - self._same
             kept: BoolArray = history[at % len(history)] & (at >= self._began)
             return kept
-        then = step - self._back
-        found: BoolArray = history[then % len(history), self._column] & (then >= self._began)
+        asked = np.flatnonzero(rows)
+        back = self._back[asked]
+        place = step % len(history) - back
+        place[place < 0] += len(history)
+        found: BoolArray = np.zeros_like(rows)
+        found[asked] = history[place, asked] & (step - back >= self._began[asked])
         return found
 
 

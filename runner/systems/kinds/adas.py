@@ -15,7 +15,6 @@ from runner.engine.participants.outlines import extents, seen_by
 from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
-    at_row,
     choose,
     greatest,
     least,
@@ -73,6 +72,10 @@ class RadarTarget(NamedTuple):
     approach: Any
     speed: Any
     acceleration: Any
+
+    def at(self, places: Any) -> RadarTarget:
+        """Some of targets in arrays (p, n), by their rows and runs (m,)."""
+        return RadarTarget("", *(values[places] for values in self[1:]))
 
     def is_in_way(self, speed: Any, clearance: float) -> Any:
         """Whether it is in the swath when an ego of that speed (m/s) reaches it, widened by a
@@ -243,8 +246,10 @@ class DriverAssistance:
         scripted = (seen.target_speed - ego.speed) / dt if dt > 0.0 else np.zeros(len(run))
         acts, before = self._acts[run], self._accelerations[run]
         free = self.lets_go(demand, scripted, ~acts, before)
-        before = np.where(acts, before, least(ego.acceleration, 0.0))
-        after = self.limited(least(demand, scripted), is_full, before, ego.speed, dt)
+        rows, after = np.flatnonzero(~free), np.zeros(len(run))
+        held = np.where(acts[rows], before[rows], least(ego.acceleration[rows], 0.0))
+        asked = least(demand[rows], scripted[rows])
+        after[rows] = self.limited(asked, is_full[rows], held, ego.speed[rows], dt)
         self._acts[run], self._accelerations[run] = ~free, after
         self._followers[run] &= ~free
         return after, ~free
@@ -286,22 +291,30 @@ class DriverAssistance:
         if not len(sees):
             self._threats[run], self._followers[run] = -1, False
             return np.full(n, np.inf), np.zeros(n, bool)
-        needed = targets.needed(speed, self._delay)
-        is_braking_for = np.arange(len(sees))[:, None] == self._threats[run]
-        threats = sees & targets.is_in_way(speed, self.clearance) & (needed > 0.0)
-        threats &= self.is_emergency(targets, needed, speed, is_braking_for)
-        is_full = threats.any(axis=0)
-        worst = np.where(threats, needed, 0.0).argmax(axis=0)
-        self._threats[run] = np.where(is_full, worst, -1)
+        # What is costly is worked out where it decides only.
+        in_way = np.nonzero(sees & targets.is_in_way(speed, self.clearance))
+        dangers, own = targets.at(in_way), speed[in_way[1]]
+        needed = dangers.needed(own, self._delay)
+        is_braking_for = in_way[0] == self._threats[run[in_way[1]]]
+        urgent = (needed > 0.0) & self.is_emergency(dangers, needed, own, is_braking_for)
+        worst = np.zeros(sees.shape)
+        worst[in_way] = np.where(urgent, needed, 0.0)
+        is_full: Any = worst.any(axis=0)
+        self._threats[run] = np.where(is_full, worst.argmax(axis=0), -1)
         gaps = np.where(sees & self.is_lead(targets), targets.gap, np.inf)
-        row = gaps.argmin(axis=0)
-        lead = RadarTarget("", *(at_row(values, row) for values in targets[1:]))
-        follows = self._followers[run] | self.begins_to_follow(lead, speed)
-        follows &= np.isfinite(gaps.min(axis=0))
+        led = np.isfinite(gaps.min(axis=0)) & ~is_full
+        rows, row = np.flatnonzero(led), gaps.argmin(axis=0)
+        lead = targets.at((row[rows], rows))
+        before = self._followers[run]
+        follows = before[rows] | self.begins_to_follow(lead, speed[rows])
         # Full braking leaves the follower's state as it was, as `_decide` does by its early return.
-        self._followers[run] = follows = np.where(is_full, self._followers[run], follows)
-        behind = self.following(lead, speed, seen.target_speed)
-        return np.where(is_full, -self.full, np.where(follows, behind, np.inf)), is_full
+        self._followers[run] = before & is_full
+        self._followers[run[rows]] = follows
+        rows = rows[follows]
+        lead = targets.at((row[rows], rows))
+        wanted = np.where(is_full, -self.full, np.inf)
+        wanted[rows] = self.following(lead, speed[rows], seen.target_speed[rows])
+        return wanted, is_full
 
     # the law, of numbers or of arrays over runs ----------------------------------------------
 
@@ -329,7 +342,8 @@ class DriverAssistance:
             2.0 * math.sqrt(self.accelerate * self.comfortable)
         )
         near = ((self.standstill + greatest(dynamic, 0.0)) / gap) ** 2
-        free = ratio(v, desired, 1.0) ** 4
+        share = ratio(v, desired, 1.0)
+        free = (share * share) ** 2
         idm = self.accelerate * (1.0 - free - near)
         its = least(lead.acceleration, self.accelerate)
         needed = needed_deceleration(lead.gap, lead.speed, its, v, 0.0)
@@ -416,7 +430,7 @@ class DriverAssistance:
     @staticmethod
     def _curvature(ego: Any) -> Any:
         """Curvature of the ego's path by its motion (1/m), positive to the left."""
-        cubed = choose(ego.speed < _CRAWL, 0.0, ego.speed**3)
+        cubed = choose(ego.speed < _CRAWL, 0.0, ego.speed * ego.speed * ego.speed)
         curvature = ratio(ego.vx * ego.ay - ego.vy * ego.ax, cubed, 0.0)
         return choose(abs(curvature) > _STRAIGHT, curvature, 0.0)
 

@@ -69,9 +69,11 @@ def unsafe_aside(is_left: Any, aside: Any, own: Any, its: Any, p: RssParameters)
         is_left: whether the other one is to the left.
         own, its: lateral speeds to the right, as RSS counts them, m/s.
     """
-    if_left = lateral_distance(its, own, p.response_other, p.response, p)
-    if_right = lateral_distance(own, its, p.response, p.response_other, p)
-    safe = choose(is_left, if_left, if_right)
+    left, right = choose(is_left, its, own), choose(is_left, own, its)
+    response, other = p.response, p.response_other
+    if response != other:
+        response, other = choose(is_left, other, response), choose(is_left, response, other)
+    safe = lateral_distance(left, right, response, other, p)
     return aside < safe, safe
 
 
@@ -116,7 +118,10 @@ def _boxes(box: Any, at: Any) -> BoundingBox:
 
 
 def _reach(box: BoundingBox) -> Any:
-    """`runner.engine.participants.boxes.reach` of boxes in arrays, m."""
+    """`runner.engine.participants.boxes.reach` of boxes in arrays, m; worked out once where one box
+    stands for all runs."""
+    columns: tuple[Any, ...] = box
+    box = BoundingBox(*(each[..., :1] if each.strides[-1:] == (0,) else each for each in columns))
     return np.hypot(np.abs(box.x) + box.length / 2, np.abs(box.y) + box.width / 2)
 
 
@@ -169,7 +174,8 @@ class CollisionAvoidance:
         ahead_first = np.where(ego.speed != 0.0, ego.speed, observations.target_speed)
         way = np.where(ahead_first < 0.0, -1.0, 1.0)
         far = self.sensor_range + _reach(ego.box) + _reach(others.box)
-        near = others.present & (np.hypot(others.x - ego.x, others.y - ego.y) <= far)
+        dx, dy = others.x - ego.x, others.y - ego.y
+        near = others.present & (np.sqrt(dx * dx + dy * dy) <= far)
         danger = np.zeros(len(way), bool)
         row, run = np.nonzero(near)
         if row.size:
