@@ -281,6 +281,9 @@ class Together:
                 self.disagreements += 1
                 self._tell(f"{outcome.job.name}: failed in arrays, {outcome.state} one by one")
             yield outcome
+        if not self._passed and not self._failed:
+            self._tell("no set was played to a verdict in arrays")
+            return
         told = (
             f"{self._passed} sets passed in arrays, kinematically, {len(self._failed)} failed there"
         )

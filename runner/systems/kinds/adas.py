@@ -74,7 +74,7 @@ class RadarTarget(NamedTuple):
     acceleration: Any
 
     def at(self, places: Any) -> RadarTarget:
-        """Some of targets in arrays (p, n), by their rows and runs (m,)."""
+        """Targets at some places (m,) of arrays (p, n)."""
         return RadarTarget("", *(values[places] for values in self[1:]))
 
     def is_in_way(self, speed: Any, clearance: float) -> Any:

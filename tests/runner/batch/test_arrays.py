@@ -274,6 +274,8 @@ def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path)
     together = Together(source, settings(), tmp_path, told.append)
     assert not any(isinstance(each, Outcome) for each in together)
     assert "PreferredLaneLayerAction" in told[0]
+    assert list(together.checked([])) == []
+    assert told[1:] == ["no set was played to a verdict in arrays"]
 
 
 def test_an_entity_moves_once_in_the_step_that_ends_its_path_on_a_lane(tmp_path: Path) -> None:
