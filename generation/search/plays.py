@@ -27,6 +27,8 @@ from schemas.common.errors import Unsupported
 
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
+FEW = 8
+"""Points that the interpreter plays in less time than arrays, which take nearly as long for one as for hundreds"""
 _UNTESTED = "it did not test what the file describes"
 
 
@@ -43,6 +45,8 @@ class ArrayPlays:
         rss: the RSS parameter set of risk.
         fast: whether a scenario of which much is done run by run is refused: it is no faster.
         processes: how many play at a time; the outcomes are the same for any number.
+        few: points up to which a call is played by the interpreter; numbers are the
+            same up to rounding.
 
     Attributes:
         together: whether its system decides in all runs by one call; otherwise a play takes as much
@@ -62,10 +66,11 @@ class ArrayPlays:
         rss: str = "ad-rss",
         fast: bool = True,
         processes: int = 1,
+        few: int = FEW,
     ) -> None:
         run = run or RunSettings()
         self._scenario, self._space, self._rss = scenario, space, rss
-        self._processes = processes
+        self._processes, self._few = processes, few
         # Measures are those of the whole encounter, as in `outcomes._episode`.
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
@@ -89,6 +94,8 @@ class ArrayPlays:
         """
         settings = self._run if sut is None else replace(self._run, sut=sut)
         sets = self._sets(theta)
+        if len(sets) <= self._few:
+            return _singly(self._scenario, settings, self._rss, sets)
         # Parts are the same for any number of processes: a part has its own structures.
         parts = [sets[first : first + BLOCK] for first in range(0, len(sets), BLOCK)]
         work = partial(_played, self._scenario, settings, self._rss)
@@ -121,11 +128,22 @@ def _played(
                 columns[name][rows] = values[done]
     # Left open by the arrays: a remark that makes a run inconclusive, or an error, which the
     # interpreter tells with file and line.
-    for row in np.flatnonzero(~known):
-        job = Job(str(row), scenario, scenario, sets[row])
-        for name, value in episode(job, settings, rss).items():
-            columns[name][row] = value
+    open_ = np.flatnonzero(~known)
+    single = _singly(scenario, settings, rss, [sets[row] for row in open_])
+    for name, column in columns.items():
+        column[open_] = getattr(single, name)
     return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
+
+
+def _singly(
+    scenario: Path, settings: RunSettings, rss: str, sets: list[dict[str, str]]
+) -> Outcomes:
+    """Outcomes of parameter sets by the interpreter, in their order."""
+    rows = [
+        episode(Job(str(number), scenario, scenario, values), settings, rss)
+        for number, values in enumerate(sets)
+    ]
+    return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
 
 
 def _columns(outcomes: ArrayOutcomes) -> dict[str, Any]:

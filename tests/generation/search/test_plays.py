@@ -42,6 +42,18 @@ def singly(scenario: Path, space: Space, theta: np.ndarray, chosen: RunSettings)
     return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
 
 
+def same(found: Outcomes, truth: Outcomes) -> None:
+    """Compare outcomes, numbers up to rounding."""
+    for each in fields(Outcomes):
+        own, other = getattr(found, each.name), getattr(truth, each.name)
+        if each.name == "error":  # arrays do not say why a run is inconclusive
+            own, other = own != "", other != ""
+        if own.dtype.kind == "f":
+            np.testing.assert_allclose(own, other, rtol=1e-6, atol=1e-9, err_msg=each.name)
+        else:
+            np.testing.assert_array_equal(own, other, err_msg=each.name)
+
+
 @pytest.mark.parametrize(
     ("name", "sut"),
     [
@@ -57,17 +69,10 @@ def test_plays_have_the_outcomes_of_runs(name: str, sut: str) -> None:
     scenario = LIBRARY / f"{name}_highway.xosc"
     space = Space.of(scenario, free=["Lead_Jerk_mps3"] if name.startswith("braking") else [])
     theta = space.draw(12 if name == "cut_in" else 5, np.random.default_rng(5))
-    found = ArrayPlays(scenario, space, settings(sut), "ad-rss")(theta)
+    found = ArrayPlays(scenario, space, settings(sut), "ad-rss", few=0)(theta)
     truth = singly(scenario, space, theta, settings(sut))
     assert name != "cut_in" or sut != "cas" or 0 < found.collision.sum() < len(theta)
-    for each in fields(Outcomes):
-        own, other = getattr(found, each.name), getattr(truth, each.name)
-        if each.name == "error":  # arrays do not say why a run is inconclusive
-            own, other = own != "", other != ""
-        if own.dtype.kind == "f":
-            np.testing.assert_allclose(own, other, rtol=1e-6, atol=1e-9, err_msg=each.name)
-        else:
-            np.testing.assert_array_equal(own, other, err_msg=each.name)
+    same(found, truth)
 
 
 def test_outcomes_do_not_depend_on_what_is_played_beside() -> None:
@@ -92,10 +97,26 @@ def test_outcomes_are_those_of_any_number_of_processes(monkeypatch: pytest.Monke
     assert len(two) == 40
 
 
+def test_few_points_are_played_by_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
+    space = Space.of(CUT_IN)
+    plays = ArrayPlays(CUT_IN, space, settings("cas"))
+    arrays, theta = ArrayPlays(CUT_IN, space, settings("cas"), few=0), space.draw(8, np.random.default_rng(2))  # fmt: skip
+    for sut in (None, "fsm"):
+        same(arrays(theta, sut), plays(theta, sut))
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("arrays are asked")
+
+    monkeypatch.setattr(module, "_played", refuse)
+    plays(theta)
+    with pytest.raises(AssertionError, match="arrays"):
+        arrays(theta)
+
+
 def test_a_class_of_the_users_is_asked_for_all_points_at_once(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN, "utf-8")
     space = Space.of(CUT_IN)
-    plays = ArrayPlays(CUT_IN, space, settings(f"{tmp_path / 'own.py'}:Own"), "ad-rss")
+    plays = ArrayPlays(CUT_IN, space, settings(f"{tmp_path / 'own.py'}:Own"), "ad-rss", few=0)
     found = plays(space.draw(8, np.random.default_rng(0)))
     assert found.executed.all()
 
