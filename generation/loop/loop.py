@@ -151,6 +151,7 @@ class _Loop:
                 self._settings.model,
                 self._bar,
                 model,
+                self._settings.processes,
             )
             found = self._once(
                 LoopStage("recognise"),
@@ -333,7 +334,13 @@ class _Loop:
         """The classes that are recognised about the ego in each run; by the run's name."""
         grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
-        loop_runs.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
+        loop_runs.catalogue(
+            [folder / RUNS],
+            folder / RECOGNISED,
+            model,
+            self._bar,
+            processes=self._settings.processes,
+        )
         recognised = RecognisedRun()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":

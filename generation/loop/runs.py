@@ -30,6 +30,7 @@ from recognition.labels.maneuvers.units import Samples, extract_from
 from recognition.recordings import Source, cache_roads
 from runner.batch.batch import print_line, run_batch
 from runner.batch.jobs import Job, Outcome
+from runner.batch.pool import Workers
 from runner.judging.settings import RunSettings
 from runner.view.replay.player import REPLAY, keep_replay
 from runner.view.report import report, write_report
@@ -54,7 +55,12 @@ in them are known to it"""
 
 
 def catalogue(
-    paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None
+    paths: Sequence[Path],
+    folder: Path,
+    model: Path | None,
+    bar: Bar,
+    keep: Path | None = None,
+    processes: int = 1,
 ) -> Recognised:
     """Make a catalogue of recordings.
 
@@ -63,14 +69,16 @@ def catalogue(
         folder: of the catalogue.
         model: folder of the model; None for the rules alone.
         keep: folder for the model as it is afterwards; None to forget it.
+        processes: that read, write and play.
     """
+    workers = Workers(processes)
     if model is None:
-        summary = build(paths, folder, CatalogueSettings(), ByRules, bar)
+        summary = build(paths, folder, CatalogueSettings(), ByRules, bar, workers)
     else:
         from recognition.catalogue.model import load
 
         recogniser = load(model, discover=True)
-        summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar)
+        summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar, workers)
         if keep is not None:
             recogniser.keep(
                 keep, waiting=False
