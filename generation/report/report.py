@@ -228,6 +228,7 @@ _STYLES = "base.css", "report.css", "play/colours.css", PARTS_CSS, str(_FOLDER /
 _SCRIPTS = (
     "dom.js",
     "axes.js",
+    "question.js",
     *(f"play/{part}.js" for part in ("data", "drawing", "pair", "preview")),
     PARTS_JS,
     *(str(_FOLDER / f"{part}.js") for part in ("common", "slices", "tables", "main")),

@@ -43,10 +43,10 @@ class ArrayPlays:
         space: the parameters that are searched, and the values of the others.
         run: settings of the runs.
         rss: the RSS parameter set of risk.
-        fast: whether a scenario of which much is done run by run is refused: it is no faster.
-        processes: how many play at a time; the outcomes are the same for any number.
         few: points up to which a call is played by the interpreter; numbers are the
             same up to rounding.
+        fast: whether a scenario of which much is done run by run is refused: it is no faster.
+        processes: how many play at a time; the outcomes are the same for any number.
 
     Attributes:
         together: whether its system decides in all runs by one call; otherwise a play takes as much

@@ -44,7 +44,7 @@ _DETAILS = (*CONTACT, "impact_speed_other")
 """Columns that describe a contact"""
 _STYLES = ("base.css", "report.css")
 _PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "report")
-_SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))
+_SCRIPTS = ("dom.js", "axes.js", "question.js", *(f"report/{part}.js" for part in _PARTS))
 _LEAD_IN = 2.0
 """Lead-in (s) of replays before the most critical moment"""
 _PAIRS = 30
@@ -269,7 +269,9 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
     return {
         "name": name,
         "group": Path(run["file"]).stem,
+        "scenario": run.get("scenario"),
         "state": run["state"],
+        "verdict": run.get("verdict"),
         "status": run["status"],
         "message": run["message"],
         "causes": run.get("causes") or [],

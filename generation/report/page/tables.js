@@ -199,8 +199,29 @@ function drivers() {
       cell(figure(each.risk)),
       ...each.drivers.map(end => el("td", { class: `driver ${end}` }, { survives: "✓", collides: "✕", unknown: "?" }[end])),
     );
+  const rows = cases.map(row),
+    kinds = new Map([
+      ...["case", "impact_speed", "log_likelihood", "risk", ...data.measures.map(each => each.name)].map(name => [name, "number"]),
+      ["collision", "truth"],
+      ["side", "text"],
+      ...data.drivers.map(name => [name.replaceAll(/\W/g, "_"), "text"]),
+    ]);
+  const valueOf = (each, name) => {
+    const own = { case: each.number, impact_speed: each.collision ? each.impact : null, log_likelihood: each.likelihood };
+    if (name in own) return own[name];
+    if (["risk", "collision", "side"].includes(name)) return each[name];
+    const measure = data.measures.findIndex(one => one.name === name);
+    return measure >= 0 ? each.measures[measure] : each.drivers[[...kinds.keys()].indexOf(name) - kinds.size + data.drivers.length];
+  };
+  const told = el("p", { class: "muted", role: "status" });
+  const show = meets => {
+    const met = cases.map(each => !meets || meets(each));
+    rows.forEach((node, i) => (node.hidden = !met[i]));
+    told.textContent = meets ? `${met.filter(Boolean).length} of ${cases.length} cases` : "";
+  };
   return panel(
     "Reference drivers by case",
+    el("div", { class: "choices" }, ...questionBox(kinds, valueOf, "impact_speed > 5 and r157_cc = 'survives'", show), told),
     note(
       `✓ survives, ✕ collides, ? not known. A case is preventable where ${data.judges.join(" or ")} survives; ` +
         "full braking from the instant on at which anyone changes speed or lane is the bound of what braking can do; it is not " +
@@ -211,7 +232,7 @@ function drivers() {
       el("a", { href: link(data.file) }, data.file),
       `; xosc-run ${quoted(data.file)} --only NUMBER plays one.`,
     ),
-    table("Reference drivers by case", columns, [totals, ...cases.map(row)]),
+    table("Reference drivers by case", columns, [totals, ...rows]),
   );
 }
 

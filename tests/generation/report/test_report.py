@@ -185,6 +185,16 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
                 "[...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth)"
             )
             assert width > 390 or browser.run(f"{cards}.length") == 0
+        cases, driver = data(folder)["cases"], data(folder)["drivers"][0]
+        name = re.sub(r"\W", "_", driver)
+        browser.run(
+            f"(box => {{ box.value = \"{name} = 'survives' and case > 0\";"
+            " box.dispatchEvent(new Event('change')); })(document.querySelector('.question'))"
+        )
+        met = [each for each in cases if each["drivers"][0] == "survives" and each["number"] > 0]
+        assert browser.text(".choices [role=status]") == f"{len(met)} of {len(cases)} cases"
+        shown = "[...document.querySelectorAll('.driver')].filter(e => e.closest('tr:not([hidden], .totals)') && e.tagName === 'TD')"
+        assert browser.run(f"{shown}.length") == len(met) * len(data(folder)["drivers"])
         assert browser.errors == []
         assert all(each.startswith(("file:", "about:")) for each in browser.requests)
     assert RunSettings().world == "sumo"

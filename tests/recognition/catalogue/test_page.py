@@ -140,6 +140,18 @@ def test_the_page_filters_plays_and_links_to_files_that_are_there(
             + first
             + "'))"
         )
+        browser.run("document.querySelector('.counts tbody button').click()")
+        browser.run(
+            '(box => { box.value = "partial or ego_speed > 0 and file is not null";'
+            " box.dispatchEvent(new Event('change')); })(document.querySelector('.question'))"
+        )
+        moving = sum(bool(row["partial"]) or (row["ego_speed"] or 0) > 0 for row in told)
+        assert browser.text("#count").startswith(f"{moving} scenario")
+        assert browser.text(".fault") == ""
+        browser.run(
+            "(box => { box.value = ''; box.dispatchEvent(new Event('change')); })"
+            "(document.querySelector('.question'))"
+        )
         links = browser.run(
             "[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))"
         )

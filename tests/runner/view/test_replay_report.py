@@ -199,6 +199,76 @@ def test_filters_act_on_table_groups_and_plots(browser: Browser, batch: Path) ->
     assert browser.run(seen["rows"]) == 0
 
 
+def test_a_question_filters_runs_and_says_what_it_does_not_understand(
+    browser: Browser, batch: Path
+) -> None:
+    browser.open(batch / "report.html")
+    count = "document.querySelectorAll('.runs tbody tr').length"
+    box = "input.question"
+    for question, left in [
+        ("state = 'failed'", 2), ("Gap > 0 and verdict = 'passed'", 1), ("end_time is null", 1), ("", 5),
+    ]:  # fmt: skip
+        choose(browser, box, question)
+        assert (browser.run(count), browser.text(".fault")) == (left, ""), question
+    choose(browser, box, "state = 'failed'")
+    choose(browser, box, "speed < 2")
+    assert browser.run(count) == 2, "what is not understood leaves the rows as they are"
+    assert browser.text(".fault").startswith(
+        "position 1 (speed): there is no such column; columns: "
+    )
+    choose(browser, box, "")
+    assert (browser.run(count), browser.text(".fault")) == (5, "")
+
+
+ROOT = Path(__file__).parents[3]
+_TABLE = {
+    "name": ["a", "b'c", None, "US-101 x"],
+    "speed": [1.5, None, -2.0, 30.0],
+    "hit": [True, False, None, True],
+}
+_QUESTIONS = [
+    "speed < 2", "not speed < 2", "speed >= 100 km/h", "speed between -2 and 1.5 or hit", "hit", "not hit", "hit = false",
+    "name in ('a', \"b'c\")", "name not in ('a')", "name like 'US-101%'", "name like '_'", "not name like '%''%'", "name is null",
+    "speed is not null and (name = 'a' or hit != true)", "speed > 1 AND NOT name = 'a'", "1.5 = speed", "speed not between 0 and 5",
+    "not (speed > 0 or hit)", "speed <> 30",
+]  # fmt: skip
+_FAULTS = [
+    "", "speed", "speed <", "sped < 2", "speed < 'a'", "hit < true", "name = 'a", "name like 2", "speed in 2", "(speed < 2",
+    "speed < 2 name", "speed between 1", "speed ; 2", "is null", "name is 2",
+]  # fmt: skip
+
+
+def test_a_page_answers_as_the_command_does(browser: Browser, batch: Path) -> None:
+    import pyarrow as pa
+
+    from schemas.common.errors import UsageError
+    from xosc.listing.questions import condition
+
+    table = pa.table({**_TABLE, "row": list(range(4))})
+    kinds = {"name": "text", "speed": "number", "hit": "truth", "row": "number"}
+    rows = [{name: values[row] for name, values in _TABLE.items()} for row in range(4)]
+    source = (ROOT / "runner" / "view" / "page" / "question.js").read_text(encoding="utf-8")
+    browser.open(batch / "report.html")
+
+    def asked(question: str) -> object:
+        return browser.run(
+            f"(() => {{ {source} const kinds = new Map(Object.entries({json.dumps(kinds)})); try {{"
+            f" const met = condition({json.dumps(question)}, kinds, (row, name) => row[name]);"
+            f" return {json.dumps(rows)}.flatMap((row, i) => met(row) === true ? [i] : []); }}"
+            " catch (error) { return error.name + ' ' + error.message; } })()"
+        )
+
+    for question in _QUESTIONS:
+        found = table.filter(condition(question, table.schema).expression)
+        assert asked(question) == found["row"].to_pylist(), question
+    for question in _FAULTS:
+        with pytest.raises(UsageError) as refused:
+            condition(question, table.schema)
+        said, own = str(asked(question)), refused.value.message.removeprefix("condition, ")
+        assert said.startswith("SyntaxError position"), (question, said)
+        assert said.removeprefix("SyntaxError ").partition(";")[0] == own.partition(";")[0]
+
+
 def test_a_grid_of_parameters_is_a_matrix(browser: Browser, batch: Path) -> None:
     browser.open(batch / "report.html")
     assert browser.run("[...document.querySelectorAll('.matrix thead th')].map(c => c.textContent)") == [

@@ -19,7 +19,13 @@ from xodr.lookup.arrays import sample, stations
 
 _FOLDER = Path(__file__).parent
 _STYLES = ("base.css", "report.css", str(_FOLDER / "catalogue.css"))
-_SCRIPTS = ("dom.js", "axes.js", str(_FOLDER / "film.js"), str(_FOLDER / "catalogue.js"))
+_SCRIPTS = (
+    "dom.js",
+    "axes.js",
+    "question.js",
+    str(_FOLDER / "film.js"),
+    str(_FOLDER / "catalogue.js"),
+)
 MEASURES = {
     "ego_speed": "m/s", "partner_speed": "m/s", "closing_speed": "m/s", "gap": "m", "pair_thw": "s", "pair_ttc": "s",
     "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s", "severity": "", "confidence": "", "time": "s",

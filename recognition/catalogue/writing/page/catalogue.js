@@ -5,7 +5,7 @@ const COUNT = data.texts.file.length,
   BINS = 30;
 const every = Array.from({ length: COUNT }, (_, row) => row);
 const name = (kind, row) => data.names[kind][data.coded[kind][row]] ?? "–";
-const wanted = { class: "", site: "", trust: "", text: "", measure: "ego_speed", low: "", high: "", sort: "", playAll: false };
+const wanted = { class: "", site: "", trust: "", text: "", measure: "ego_speed", low: "", high: "", sort: "", playAll: false, meets: null };
 const searched = every.map(row =>
   [data.texts.file[row], data.texts.why[row], data.texts.critical[row]].join(" ").toLowerCase());
 const many = (count, one) => `${count.toLocaleString("en")} ${one}${count === 1 ? "" : "s"}`;
@@ -16,6 +16,7 @@ let shown = every;
 function meets(row, but) {
   for (const kind of ["class", "site", "trust"])
     if (kind !== but && wanted[kind] && name(kind, row) !== wanted[kind]) return false;
+  if (wanted.meets && !wanted.meets(row)) return false;
   if (wanted.text && !searched[row].includes(wanted.text.toLowerCase())) return false;
   if (but === "measure" || (wanted.low === "" && wanted.high === "")) return true;
   const value = data.measures[wanted.measure][row];
@@ -45,6 +46,20 @@ const titled = measure => measure.replaceAll("_", " ") + (data.units[measure] ? 
 const measured = Object.keys(data.measures).filter(measure => data.measures[measure].some(value => value !== null));
 const all = (text, values) => [["", text], ...values.map(value => [value, value])];
 
+/** Columns for questions with their types, by the names of the index. */
+const kinds = new Map([
+  ...[...Object.keys(data.texts), ...Object.keys(data.names)].map(each => [each, "text"]),
+  ...Object.keys(data.measures).map(each => [each, "number"]),
+  ["partial", "truth"],
+]);
+
+/** A row's value in a column of the index. */
+function valueOf(row, column) {
+  if (column === "partial") return Boolean(data.partial[row]);
+  const coded = data.coded[column];
+  return coded ? data.names[column][coded[row]] : (data.texts[column] ?? data.measures[column])[row];
+}
+
 function filters() {
   const orders = measured.flatMap(each => [[each, `${titled(each)}, ascending`], [`-${each}`, `${titled(each)}, descending`]]);
   return el(
@@ -62,6 +77,7 @@ function filters() {
       choice("order", "sort", [["", "by file"], ...orders]),
       input("text", "text", "search"),
       el("label", null, el("input", { type: "checkbox", change: event => set("playAll", event.target.checked) }), "play all"),
+      ...questionBox(kinds, valueOf, "min_ttc < 2 and ego_speed between 80 km/h and 130 km/h", meets => set("meets", meets)),
     ),
     el("p", { id: "count", class: "muted", role: "status" }),
   );

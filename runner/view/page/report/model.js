@@ -64,7 +64,7 @@ const reason = run => run.message || (ENDS[run.status] ?? run.status);
 
 // filters -------------------------------------------------------------------------------------
 
-const filter = { words: "", state: "", group: "" };
+const filter = { words: "", state: "", group: "", meets: null };
 const listeners = []; // what is filled anew when the filter changes
 const drawings = []; // what is drawn anew when the page's size or colours change, too
 
@@ -75,6 +75,7 @@ function chosen() {
     run =>
       (!filter.state || run.state === filter.state) &&
       (!filter.group || run.group === filter.group) &&
+      (!filter.meets || filter.meets(run)) &&
       `${run.name} ${run.message}`.toLowerCase().includes(words),
   );
 }
@@ -99,6 +100,26 @@ function choice(label, options, change, initial) {
   return el("label", null, label, select);
 }
 
+/** Columns for questions with their types, by the names of the table of runs. */
+function kindsOfRuns() {
+  const texts = ["name", "scenario", "state", "verdict", "status", "message"].map(each => [each, "text"]),
+    measures = ["end_time", ...Object.keys(data.measures)].map(each => [each, "number"]);
+  const names = [...new Set(data.runs.flatMap(run => Object.keys(run.parameters)))];
+  const parameters = names.map(each => [each, kindOf(data.runs.map(run => run.parameters[each]))]);
+  return new Map([...parameters, ...texts, ...measures]);
+}
+
+const KINDS = kindsOfRuns();
+
+/** A run's value in a column of the table of runs. */
+function valueOf(run, name) {
+  if (name === "end_time") return run.end;
+  if (name === "scenario") return run.scenario;
+  if (name in data.measures) return run.measures[name];
+  const value = ["name", "state", "verdict", "status", "message"].includes(name) ? run[name] : run.parameters[name];
+  return KINDS.get(name) === "text" && typeof value === "number" ? String(value) : value;
+}
+
 function filters() {
   const groups = [...new Set(data.runs.map(run => run.group))];
   const told = el("span", { class: "muted", "aria-live": "polite" });
@@ -121,6 +142,7 @@ function filters() {
     search,
     choice("Verdict", [["", "all"], ...STATES.map(each => [each, each])], set("state")),
     groups.length > 1 ? choice("Scenario", [["", "all"], ...groups.map(each => [each, each])], set("group")) : null,
+    ...questionBox(KINDS, valueOf, "min_ttc < 1 and state = 'failed'", set("meets")),
     told,
   );
 }
