@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, NotWritten, UsageError
+from schemas.common.errors import InvalidFile, NotWritten, UsageError, similar
 from schemas.common.policy import current
 
 if TYPE_CHECKING:
@@ -100,6 +100,19 @@ LONGEST_POINTER = 1024
 """Bytes; the limit of Git LFS's specification"""
 
 
+def _alike(path: Path) -> str:
+    """Question for the most similar name of a scenario or road beside a missing one; empty without one."""
+    # Strangers learn no names of files; files that commands write are missing often, and asked for.
+    if current().untrusted or path.suffix not in (".xosc", ".xodr"):
+        return ""
+    try:
+        names = [other.stem for other in path.parent.iterdir() if other.suffix == path.suffix]
+    except OSError:
+        return ""
+    question = similar(path.stem, sorted(names))
+    return question and f"; {question}"
+
+
 def read_bytes(path: Path) -> bytes:
     """The content of a file that may be anything, a device without an end included.
 
@@ -125,7 +138,7 @@ def read_bytes(path: Path) -> bytes:
             path.read_bytes() if status.st_size else b""
         )  # a device of /proc has no size, and may never answer
     except FileNotFoundError:
-        raise InvalidFile("no such file", path=path) from None
+        raise InvalidFile(f"no such file{_alike(path)}", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.policy import CommandPolicy, in_force
 from schemas.common.storage import (
     ForeignCache,
     cache_folder,
@@ -77,6 +78,19 @@ def test_what_is_no_json_object_is_refused_in_one_line(
     with pytest.raises(InvalidFile) as caught:
         read_object(path, "mend it")
     assert str(caught.value).startswith(f"{tmp_path}/{complaint}") and "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_told_with_the_most_similar_beside_it(tmp_path: Path) -> None:
+    for name in ("NCAP_CCRs_2023.xosc", "NCAP_CCR_2024.json", "other.xosc"):
+        (tmp_path / name).touch()
+    with pytest.raises(InvalidFile) as caught:
+        read_bytes(tmp_path / "NCAP_CCR_2023.xosc")
+    assert str(caught.value).endswith(": no such file; did you mean 'NCAP_CCRs_2023'?")
+    with pytest.raises(InvalidFile, match=r"no such file$"):
+        read_bytes(tmp_path / "absent" / "other.xosc")
+    with in_force(CommandPolicy(untrusted=True)), pytest.raises(InvalidFile) as caught:
+        read_bytes(tmp_path / "NCAP_CCR_2023.xosc")
+    assert "CCRs" not in str(caught.value)
 
 
 def test_an_object_is_read_or_refused_by_its_line(tmp_path: Path) -> None:
