@@ -201,7 +201,8 @@ function drivers() {
     );
   const rows = cases.map(row),
     kinds = new Map([
-      ...["case", "impact_speed", "log_likelihood", "risk", ...data.measures.map(each => each.name)].map(name => [name, "number"]),
+      ...["case", "impact_speed", "log_likelihood", "risk"].map(name => [name, "number"]),
+      ...data.measures.map(each => [each.name, "number"]),
       ["collision", "truth"],
       ["side", "text"],
       ...data.drivers.map(name => [name.replaceAll(/\W/g, "_"), "text"]),
@@ -211,7 +212,8 @@ function drivers() {
     if (name in own) return own[name];
     if (["risk", "collision", "side"].includes(name)) return each[name];
     const measure = data.measures.findIndex(one => one.name === name);
-    return measure >= 0 ? each.measures[measure] : each.drivers[[...kinds.keys()].indexOf(name) - kinds.size + data.drivers.length];
+    if (measure >= 0) return each.measures[measure];
+    return each.drivers[data.drivers.findIndex(one => one.replaceAll(/\W/g, "_") === name)];
   };
   const told = el("p", { class: "muted", role: "status" });
   const show = meets => {
