@@ -5,7 +5,8 @@ const COUNT = data.texts.file.length,
   BINS = 30;
 const every = Array.from({ length: COUNT }, (_, row) => row);
 const name = (kind, row) => data.names[kind][data.coded[kind][row]] ?? "–";
-const wanted = { class: "", site: "", trust: "", text: "", measure: "ego_speed", low: "", high: "", sort: "", playAll: false, meets: null };
+const wanted = { class: "", site: "", trust: "", text: "", measure: "ego_speed", low: "", high: "", sort: "", playAll: false };
+wanted.meets = null; // whether a row meets the question
 const searched = every.map(row =>
   [data.texts.file[row], data.texts.why[row], data.texts.critical[row]].join(" ").toLowerCase());
 const many = (count, one) => `${count.toLocaleString("en")} ${one}${count === 1 ? "" : "s"}`;
