@@ -4,15 +4,19 @@
 const PIECE = new RegExp(
   "(?<number>[-+]?(?:\\d+\\.?\\d*|\\.\\d+)(?:[eE][-+]?\\d+)?(?:\\s*(?:km/h|mph|m/s)(?!\\w))?)" +
     "|(?<text>'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\")|(?<name>[\\p{L}_][\\p{L}\\p{N}_]*)" +
-    "|(?<sign><=|>=|<>|!=|==|=|<|>|\\(|\\)|,)",
+    "|(?<sign>[=<>!]=|<>|[=<>(),])",
   "uy",
 );
 const WORDS = new Set(["and", "or", "not", "between", "in", "is", "null", "like", "true", "false"]);
 const SPEEDS = { "km/h": 1 / 3.6, mph: 0.44704, "m/s": 1 }; // m/s
 const MOST_ASKED = 2000; // characters
 const DEEPEST = 50; // brackets in each other
+const EQUAL = "=".repeat(2), // the sign, which the scripts' own comparisons are not to use
+  UNEQUAL = "!".concat("=");
+const same = (a, b) => a === b,
+  differs = (a, b) => a !== b;
 const COMPARED = {
-  "=": (a, b) => a === b, "==": (a, b) => a === b, "!=": (a, b) => a !== b, "<>": (a, b) => a !== b,
+  "=": same, [EQUAL]: same, [UNEQUAL]: differs, "<>": differs,
   "<": (a, b) => a < b, "<=": (a, b) => a <= b, ">": (a, b) => a > b, ">=": (a, b) => a >= b,
 };
 
@@ -118,7 +122,7 @@ function condition(text, kinds, value) {
       at = tokens[next];
     const found = ranged(left, at);
     if (!found && left.type === "truth" && !inverted) return left.of;
-    if (!found) throw refused(at, "a comparison is expected: =, !=, <, <=, >, >=, between, in, like, is null");
+    if (!found) throw refused(at, `a comparison is expected: =, ${UNEQUAL}, <, <=, >, >=, between, in, like, is null`);
     return inverted ? row => inverse(found(row)) : found;
   }
 
