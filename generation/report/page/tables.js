@@ -116,8 +116,9 @@ function regions() {
         "Failures of a region are linked by steps of 15 % of the ranges. " +
         "Precision is the share of unguided draws within a rule that fail, " +
           "recall the share of failing ones of the region within it, [95 %]: " +
-        "as in traffic. Each failing draw belongs to the region of the known failure nearest to it, so that probabilities add up; " +
-        (weighted ? `they are of the estimate's ${many(all.draws, "draw")}.` : `they are of ${many(all.draws, "unguided draw")}.`),
+        "as in traffic. Each failing draw belongs to the region of the known failure nearest to it, " +
+        "so that probabilities add up; they are of " +
+        (weighted ? `the estimate's ${many(all.draws, "draw")}.` : `${many(all.draws, "unguided draw")}.`),
     ),
   );
 }
