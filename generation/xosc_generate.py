@@ -290,7 +290,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  of these, reference drivers survive: {survived}"
     if cases.agreed:
         judges = ", ".join(cases.judges)
-        yield f"  {judges} were run, and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
+        yield f"  judges were run ({judges}), and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
     yield f"  {generated.stated}"
     if generated.bound is not None:
         yield f"  {generated.bound}"

@@ -229,7 +229,7 @@ function drivers() {
       `✓ survives, ✕ collides, ? not known. A case is preventable where ${data.judges.join(" or ")} survives; ` +
         "full braking from the instant on at which anyone changes speed or lane is the bound of what braking can do; it is not " +
         "known where nobody does before the contact, as with a target that stands. ",
-      data.agreed ? `The others are played on the twin, which gives all ${data.agreed} verdicts of these two as runs do. ` : "",
+      data.agreed ? `The others are played in arrays, which give all ${data.agreed} verdicts of the judges as runs do. ` : "",
       "Fails again: with the same seed; the probability is of other seeds. ",
       "Numbers are those of the sets in ",
       el("a", { href: link(data.file) }, data.file),
