@@ -34,6 +34,8 @@ WIDER = 4
 """The hidden layer of a block is this many times as wide as its tokens."""
 _BATCH = 64
 """Windows at a time: as many as stay in the processor's cache"""
+_HIDDEN = np.float32(-1e9)
+"""Score of an absent token: its weight is 0 beside any that is there"""
 _STABLE = 1e-5
 """Added to variances by layer norms (torch's default)"""
 
@@ -158,8 +160,9 @@ class StoredEncoder:
             part.reshape(n, -1, heads, size).transpose(0, 2, 1, 3)
             for part in (query, both[..., :dim], both[..., dim:])
         )
-        scores = query @ key.transpose(0, 1, 3, 2) / np.float32(np.sqrt(size))
-        scores[~np.broadcast_to(present.reshape(n, 1, 1, -1), scores.shape)] = -np.inf
+        query *= np.float32(1.0 / np.sqrt(size))
+        scores = query @ key.transpose(0, 1, 3, 2)
+        scores += np.where(present, np.float32(0.0), _HIDDEN).reshape(n, 1, 1, -1)
         scores -= scores.max(axis=-1, keepdims=True)
         np.exp(scores, out=scores)
         scores /= scores.sum(axis=-1, keepdims=True)
@@ -183,7 +186,12 @@ class StoredEncoder:
 def _gelu(values: Features) -> Features:
     from scipy.special import erf
 
-    return np.asarray(0.5 * values * (1.0 + erf(values / np.float32(np.sqrt(2.0)))), np.float32)
+    found = values * np.float32(np.sqrt(0.5))
+    erf(found, out=found)
+    found += np.float32(1.0)
+    found *= values
+    found *= np.float32(0.5)
+    return found
 
 
 def _shapes(
