@@ -242,8 +242,6 @@ def generate(
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
-        if work.is_hopeless:
-            return work.made(work.course.history)
         try:
             history = work.search(search)
         except TimeOver:
@@ -360,12 +358,6 @@ class _Work:
         """
         settings = self._asked.settings
         return method(self._problem, settings.budget - drawn_of(settings.budget), settings.seed)
-
-    @property
-    def is_hopeless(self) -> bool:
-        """Whether each unguided draw ended with an error, as more runs would."""
-        status = self.unseen.outcomes.status
-        return bool(len(status)) and bool((status == "error").all())
 
     def _drawn(self) -> Episodes:
         """Unguided draws, as many as there is time for."""

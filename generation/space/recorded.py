@@ -3,7 +3,6 @@ were recognised."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -39,6 +38,7 @@ from recognition.labels.maneuvers.parameters import (
 from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
+from schemas.common.policy import scratch
 from xosc.document.node import Node
 from xosc.writing.tags import PREFIX
 
@@ -280,7 +280,7 @@ def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
 def _units(path: Path | None) -> Samples:
     if path is None or Samples.claims(path):
         return Samples.read(path or OWN)
-    with tempfile.TemporaryDirectory() as roads:
+    with scratch("xosc-roads-") as roads:
         return extract(path, roads)
 
 

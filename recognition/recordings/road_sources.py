@@ -4,7 +4,6 @@ Lanelet2 maps."""
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,6 +18,7 @@ from recognition.recordings.source import SiteRoad
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
+from schemas.common.policy import scratch
 from schemas.common.storage import digest, keep, writing
 from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, line
 from xodr.model.geometry import Cubic
@@ -52,8 +52,8 @@ def _converted(
     from xodr.formats.lanelet2 import convert
 
     target = folder / f"{osm.stem}-{digest(osm.read_bytes() + repr(origin).encode())}.xodr"
-    with tempfile.TemporaryDirectory() as drafts:
-        made = convert(osm, origin, Path(drafts) / target.name)
+    with scratch("xosc-roads-") as drafts:
+        made = convert(osm, origin, drafts / target.name)
         return SiteRoad(
             keep(made.path.read_bytes(), target),
             notes=tuple(f"{osm.name}: {note}" for note in made.notes),
@@ -76,8 +76,8 @@ def drawn(
     """
     from xodr.formats.lanelet2 import write
 
-    with tempfile.TemporaryDirectory() as drafts:
-        made = write(lanelets, site, Path(drafts) / "road.xodr", crosswalks)
+    with scratch("xosc-roads-") as drafts:
+        made = write(lanelets, site, drafts / "road.xodr", crosswalks)
         path = keep_road(made.path.read_bytes(), site, folder)
     lit = frozenset(made.lanelets[one.id][0] for one in lanelets if one.lights)
     return SiteRoad(path, lit, notes=(*notes, *made.notes))

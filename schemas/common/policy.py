@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from schemas.common.errors import InvalidFile, Unsupported, UsageError, describe
 
@@ -149,6 +150,20 @@ def in_force(policy: CommandPolicy) -> Iterator[None]:
             yield
     finally:
         _current = before
+
+
+@contextmanager
+def scratch(prefix: str) -> Iterator[Path]:
+    """Context manager of a folder of our own for files between, which may be read whatever the user
+    named; it is deleted in the end."""
+    global _current
+    with TemporaryDirectory(prefix=prefix) as folder:
+        before = _current
+        _current = replace(before, own=(*before.own, Path(os.path.realpath(folder))))
+        try:
+            yield Path(folder)
+        finally:
+            _current = before
 
 
 @contextmanager

@@ -106,7 +106,8 @@ def _alike(path: Path) -> str:
     if current().untrusted or path.suffix not in (".xosc", ".xodr"):
         return ""
     try:
-        names = [other.stem for other in path.parent.iterdir() if other.suffix == path.suffix]
+        beside = (other for other in path.parent.iterdir() if other.suffix == path.suffix)
+        names = [other.stem for other in beside if other.exists()]
     except OSError:
         return ""
     question = similar(path.stem, sorted(names))

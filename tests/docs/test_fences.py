@@ -75,7 +75,6 @@ NOT_RUN = {
     "xosc-generate xosc/library/braking_leader_highway.xosc --recorded units.parquet --free Lead_Jerk_mps3 --out found": OWN,
     "xosc-loop FOLDER --out DIR --sut cas": OWN,
     "xosc-loop FOLDER --out loop_2 --sut mine:brake=9 --against loop_1": OWN,
-    "python -m studies.recognition protocol": FOREIGN,
     "xosc-run xosc/library/simple_cut_in.xosc --gui": "needs a display",
     'pip install "xosc-toolchain[fmi]"': "needs a package index",
     "xosc-run --sut fmu:ego.fmu xosc/library/highway_lead_brake.xosc": "an FMU of the reader: tests/runner/systems/outside/test_fmu.py",

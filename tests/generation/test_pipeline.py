@@ -55,21 +55,6 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path: 
         assert one.read_bytes() == other.read_bytes()
 
 
-def test_a_system_that_fails_in_each_draw_is_not_searched(tmp_path: Path) -> None:
-    (tmp_path / "own.py").write_text(
-        "class Own:\n"
-        "    def reset(self, ego, timestep, seed): ...\n"
-        "    def control(self, observation, dt):\n"
-        "        raise RuntimeError('no map')\n",
-        "utf-8",
-    )
-    run = replace(RUN, sut=f"{tmp_path / 'own.py'}:Own")
-    found = generate(CUT_IN, lambda space: drawn(200), tmp_path / "out", replace(QUICK, run=run))
-    assert found.draws is not None and len(found.draws.theta) == 30
-    assert not len(found.history.theta) and not found.gate.testable and not found.plays
-    assert "no map" in found.draws.outcomes.error[0]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("plays", "most"), [(0, 0), (None, 40 * QUICK.budget)])
 def test_a_system_that_is_asked_run_by_run_drives_no_more_plays_than_asked(

@@ -19,7 +19,7 @@ from runner.systems import Control, Observation, Participant
 from schemas.common.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
-MOST_VISITED = 21
+MOST_VISITED = 22
 """Files of the package on the way of a search from its command to its files"""
 PACKAGE = Path(main.__code__.co_filename).parent
 QUICK = ("--method", "draws", "--budget", "15", "--density", "gaussian", "--jobs", "1")

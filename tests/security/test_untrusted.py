@@ -26,6 +26,7 @@ from schemas.common.policy import (
     in_force,
     limited,
     of_command,
+    scratch,
 )
 from schemas.common.storage import read_bytes
 from schemas.common.terminal import command_line
@@ -524,3 +525,23 @@ def test_limits_of_untrusted_can_be_changed(
         (False, None, None), (False, None, 7.0), (True, 4.0, 300.0), (True, 1.0, 300.0),
     ]  # fmt: skip
     assert current() == CommandPolicy()
+
+
+def test_folders_of_our_own_may_be_read(contributed: Path) -> None:
+    with in_force(CommandPolicy(named=(contributed,), untrusted=True)):
+        with scratch("xosc-test-") as folder:
+            (folder / "between.xml").write_bytes(b"<net/>")
+            assert read_bytes(folder / "between.xml") == b"<net/>"
+            kept = folder
+        with pytest.raises(InvalidFile, match="lies outside"):
+            current().admit(kept / "between.xml")
+
+
+def test_a_first_run_builds_its_network(
+    contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / "empty"))
+    road = contributed / "first.xodr"
+    road.write_bytes((ROADS / "straight.xodr").read_bytes())
+    answer = command("xosc-road", "drive", road, "--untrusted")
+    assert (answer.code, "lies outside" in answer.err) == (0, False), answer.err

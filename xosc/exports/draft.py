@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 from typing import TypedDict
 
 from schemas.catalogs import Folders
 from schemas.common.errors import NotWritten, UsageError
+from schemas.common.policy import scratch
 from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import keep, read_bytes
 from xosc.distributions.space import Selection
@@ -87,8 +87,8 @@ class Folder:
 
     def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
         """Write a file that a function writes to the path it is given; errors as in `write`."""
-        with TemporaryDirectory(prefix="xosc-export-") as scratch:
-            path = Path(scratch) / PurePosixPath(name).name
+        with scratch("xosc-export-") as folder:
+            path = folder / PurePosixPath(name).name
             writer(path)
             self.write(name, path.read_bytes())
 

@@ -78,7 +78,7 @@ SELDOM = frozenset({
     "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict", "road", "catalog_path", "osi", "plot", "gui",
     "junit_inconclusive", "assess", "ray", "road_path", "max_memory", "max_seconds", "max_runs",
     "weight", "rss", "apart", "violations", "concrete", "minutes", "every", "map", "density", "kind", "recorded",
-    "labels", "model", "shown", "domain", "verbose", "_verbose", "_version", "overwrite", "method", "maps",
+    "labels", "model", "shown", "domain", "judge", "most", "plays", "verbose", "_verbose", "_version", "overwrite", "method", "maps",
     "encoders", "pretrain_on", "reviewed", "verdicts", "develop", "forest_samples", "samples", "by_changes", "per_recording",
 })  # fmt: skip
 """Parameters of options that `--help` names in one line, and `--help-all` explains."""

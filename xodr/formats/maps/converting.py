@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.common.fates import Fates, changed, kept, lost
+from schemas.common.policy import scratch
 from schemas.common.storage import keep, writing
 from schemas.common.xml import parse
 from xodr.formats import commonroad, geojson, opendrive, sumo
@@ -258,8 +258,8 @@ def _read_lanes(path: Path, origin: tuple[float, float] | None, kind: str) -> La
     if kind == "geojson":
         return geojson.read(path)
     if kind == "openstreetmap":
-        with TemporaryDirectory(prefix="xosc-osm-") as folder:
-            made = sumo.read(osm_network(path, Path(folder)))
+        with scratch("xosc-osm-") as folder:
+            made = sumo.read(osm_network(path, folder))
         made.name = path.stem
         made.notes.insert(
             0,
@@ -353,9 +353,9 @@ def _written(
         return geojson.write(one)
     if source == "opendrive":
         return sumo.write(load(path))
-    with TemporaryDirectory(prefix="xosc-road-") as folder:
+    with scratch("xosc-road-") as folder:
         content, notes = opendrive.write(one)
-        between = Path(folder) / f"{one.name}.xodr"
+        between = folder / f"{one.name}.xodr"
         between.write_bytes(content)
         made, more = sumo.write(load(between))
     return made, [*notes, *more]
@@ -364,9 +364,9 @@ def _written(
 def _in_version(one: LaneMap, path: Path, source: str, version: Version) -> tuple[bytes, list[str]]:
     if source == "opendrive":
         return in_version(path, version)
-    with TemporaryDirectory(prefix="xosc-road-") as folder:
+    with scratch("xosc-road-") as folder:
         content, notes = opendrive.write(one)
-        between = Path(folder) / f"{one.name}.xodr"
+        between = folder / f"{one.name}.xodr"
         between.write_bytes(content)
         made, more = in_version(between, version)
     return made, [*notes, *more]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.policy import scratch
 from schemas.common.terminal.command_line import (
     Overwrite,
     Verbose,
@@ -406,10 +407,8 @@ def drive_command(path: Source, as_json: Json = False, _verbose: Verbose = False
     if format_of(path) == "sumo":
         drives = drive_connections(path)
     else:
-        from tempfile import TemporaryDirectory
-
-        with TemporaryDirectory(prefix="xosc-road-") as folder:
-            drives = drive_connections(convert(path, Path(folder) / "map.net.xml").path)
+        with scratch("xosc-road-") as folder:
+            drives = drive_connections(convert(path, folder / "map.net.xml").path)
     failed = [drive for drive in drives if drive.problem]
     if as_json:
         say(json.dumps([drive._asdict() for drive in drives], ensure_ascii=False))

@@ -22,7 +22,6 @@ from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from lxml import etree
 
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import ToolchainError, Unsupported, UsageError
+from schemas.common.policy import scratch
 from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.common.xml import parse
 from xodr.formats.sumo_net.net import LaneTrack, SignalLink, SumoNet, text
@@ -226,14 +226,14 @@ def convert(roads: RoadNetwork | None, whole: bool = False) -> tuple[bytes, dict
         whole: as in `plain_network`.
     """
     plain = plain_network(roads, whole)
-    with TemporaryDirectory(prefix="xosc-netconvert-") as folder:
+    with scratch("xosc-netconvert-") as folder:
         fallback = None
         try:
             _check_widths(plain)
-            network = netconvert(plain, Path(folder))
+            network = netconvert(plain, folder)
         except NetconvertFailed as error:
             plain, fallback = plain_network(None), error.message
-            network = netconvert(plain, Path(folder))
+            network = netconvert(plain, folder)
     for junction in network.iter("junction"):
         outline = plain.outlines.get(junction.get("id", ""))
         if outline:

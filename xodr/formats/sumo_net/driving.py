@@ -12,12 +12,12 @@ import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from lxml import etree
 
 from schemas.common.errors import InvalidFile, ToolchainError
+from schemas.common.policy import scratch
 from schemas.common.xml import line_of, parse
 from xodr.formats.sumo_net.building import sumo_home
 
@@ -107,8 +107,8 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
         )  # fmt: skip
         etree.SubElement(vehicle, "route", edges=f"{start} {end}")
     program = sumo_home() / "bin" / ("sumo.exe" if os.name == "nt" else "sumo")
-    with TemporaryDirectory(prefix="xosc-drive-") as folder:
-        (Path(folder) / "r.rou.xml").write_bytes(etree.tostring(routes))
+    with scratch("xosc-drive-") as folder:
+        (folder / "r.rou.xml").write_bytes(etree.tostring(routes))
         command = [
             str(program), "-n", str(net.resolve()), "-r", "r.rou.xml", "--tripinfo-output", "trips.xml", "--no-step-log",
             "--ignore-route-errors", "--time-to-teleport", "-1", "--collision.action", "none", "--tls.all-off",
@@ -132,7 +132,7 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
             raise ToolchainError(
                 f"SUMO does not load this network: {reason.removeprefix('Error: ')}", path=net
             )
-        trips = Path(folder) / "trips.xml"
+        trips = folder / "trips.xml"
         ended = parse(trips).getroot().iter("tripinfo")
         arrived = {int(trip.get("id", "-1")) for trip in ended if not trip.get("vaporized")}
     warned: dict[int, str] = {}

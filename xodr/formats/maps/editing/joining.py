@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
+from schemas.common.policy import scratch
 from xodr.formats.maps.editing.placing import MapMotion, best_motion, bounds, move, places
 from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.projecting import Projector
@@ -194,8 +194,8 @@ class _OpenEnd(NamedTuple):
 
 
 def _link(base: EditedRoads, within: float) -> Iterator[str]:
-    with TemporaryDirectory(prefix="xosc-road-") as folder:
-        path = Path(folder) / "joined.xodr"
+    with scratch("xosc-road-") as folder:
+        path = folder / "joined.xodr"
         path.write_bytes(base.content())
         network = load(path)
     ends = list(_open_ends(network))
