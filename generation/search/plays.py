@@ -78,9 +78,7 @@ class ArrayPlays:
         reason = obstacle(scenario, self._run, self._sets(drawn), fast=fast)
         if reason:
             raise Unsupported(reason, path=scenario)
-        system = open_arrays(self._run.sut, self._run.sut_in_process, self._run.sut_timeout)
-        with closing(system) if system is not None else nullcontext():
-            self.together = system is None or system.together
+        self.together = _decides_together(self._run)
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), in their order.
@@ -95,6 +93,8 @@ class ArrayPlays:
         settings = self._run if sut is None else replace(self._run, sut=sut)
         sets = self._sets(theta)
         if len(sets) <= self._few:
+            if sut is not None:
+                _decides_together(settings)  # refuses what many points would
             return _singly(self._scenario, settings, self._rss, sets)
         # Parts are the same for any number of processes: a part has its own structures.
         parts = [sets[first : first + BLOCK] for first in range(0, len(sets), BLOCK)]
@@ -106,6 +106,17 @@ class ArrayPlays:
     def _sets(self, theta: FloatArray) -> list[dict[str, str]]:
         pinned = {name: str(value) for name, value in self._space.pinned.items()}
         return [{**pinned, **values} for values in self._space.sets(theta)]
+
+
+def _decides_together(settings: RunSettings) -> bool:
+    """Whether a system decides in all runs by one call.
+
+    Raises:
+        Unsupported: it can't be asked for many points at once.
+    """
+    system = open_arrays(settings.sut, settings.sut_in_process, settings.sut_timeout)
+    with closing(system) if system is not None else nullcontext():
+        return system is None or system.together
 
 
 def _played(

@@ -8,15 +8,15 @@ from contextlib import suppress
 from importlib import import_module, metadata
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from zipfile import BadZipFile
 
-import numpy as np
-
-from generation.space.density.base import Density
 from schemas.common.errors import UsageError, guess
 from schemas.common.packages import described
 from schemas.common.storage import ForeignCache, cache_folder, fingerprint, keep
+
+if TYPE_CHECKING:
+    from generation.space.density.base import Density
 
 DEFAULT = "kde"
 """The density of the publication."""
@@ -88,6 +88,10 @@ def cached(name: str, key: bytes, fit: Callable[[], list[Density]]) -> list[Dens
         key: digest of all that they are fitted on.
         fit: fits them.
     """
+    import numpy as np  # names of models are asked for without it
+
+    from generation.space.density.base import Density
+
     kind = type(model(name))
     if kind.restore is Density.restore:
         return fit()
