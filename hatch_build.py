@@ -1,4 +1,5 @@
-"""Compile the modules that a step of a run spends its time in, with mypyc, into a wheel of the platform.
+"""Compile the modules that a step of a run spends its time in, with mypyc, into
+a wheel of the platform.
 
 Off by default. `make compiled` switches it on by `HATCH_BUILD_HOOK_ENABLE_CUSTOM`. The Python files
 stay in the wheel; Python imports the extension modules beside them. A module with a
@@ -64,7 +65,9 @@ class Compiled(BuildHookInterface[Any]):
 
 
 def compile_modules(root: Path, into: Path) -> list[Path]:
-    """Compile `MODULES` of the tree at `root`; return the extension modules, in folders as theirs below `into`."""
+    """Compile `MODULES` of the tree at `root`; return the extension modules, in
+    folders as theirs below `into`.
+    """
     from mypyc.build import mypycify
     from setuptools import Distribution
     from setuptools.command.build_ext import build_ext

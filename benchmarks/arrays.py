@@ -157,7 +157,7 @@ def compare(path: Path, settings: RunSettings, count: int, seed: int) -> tuple[i
 
 def main() -> None:
     """Print a line for each scenario, and the sums."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("folders", nargs="+")
     arguments.add_argument("--sets", type=int, default=0)
     arguments.add_argument("--seed", type=int, default=0)

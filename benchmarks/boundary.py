@@ -33,7 +33,7 @@ class Follower(IntelligentDriver):
 
 def main() -> None:
     """Print the cost of a step both ways, and the ratio."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--steps", type=int, default=1000)
     arguments.add_argument("--rounds", type=int, default=7)
     options = arguments.parse_args()
@@ -44,7 +44,8 @@ def main() -> None:
             inside, outside = _times(prepared, options.steps, options.rounds)
             more = (outside - inside) * 1e6
             print(
-                f"{count:<14}{inside * 1e6:11.1f} µs{outside * 1e6:11.1f} µs{outside / inside:8.2f}{more:9.1f} µs"
+                f"{count:<14}{inside * 1e6:11.1f} µs{outside * 1e6:11.1f} "
+                f"µs{outside / inside:8.2f}{more:9.1f} µs"
             )
         prepared = _scenario(Path(folder), 2, 1)
         starts = [_start(prepared) for _ in range(options.rounds)]

@@ -61,7 +61,7 @@ _HEADER = maneuvers.FileHeader("trajectories", "benchmark", datetime(2000, 1, 1)
 
 def main() -> None:
     """Print times."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--recording", type=Path, help="folder of the recording")
     arguments.add_argument(
         "--seconds", type=float, default=_LENGTH, help="length of the recording that is made"
@@ -104,7 +104,8 @@ def main() -> None:
         took, processors = time.perf_counter() - start, used.ru_utime + used.ru_stime
         count = len(json.loads((out / "index.json").read_text())["scenarios"])
         print(
-            f"{count} scenarios: {took:.1f} s with {options.jobs} jobs, {processors:.1f} s of processors"
+            f"{count} scenarios: {took:.1f} s with {options.jobs} jobs, "
+            f"{processors:.1f} s of processors"
         )
         compare(folder, Path(scratch))
 
@@ -124,8 +125,10 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     )
     taken |= dict.fromkeys(("films", "lanes of the page", "page", "exposure"), 0.0)
     places: list[tuple[object, str]] = [
-        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"), (write, "criticality_of"),
-        (CatalogWriter, "add"), (write, "film"), (index, "lanes"), (index, "catalogue_page"), (recordings, "exposure_of"),
+        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"),
+        (write, "criticality_of"),
+        (CatalogWriter, "add"), (write, "film"), (index, "lanes"), (index, "catalogue_page"),
+        (recordings, "exposure_of"),
     ]  # fmt: skip
     for part, (owner, name) in zip(taken, places, strict=True):
         setattr(owner, name, _timed(getattr(owner, name), part, taken))
@@ -142,7 +145,8 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     whole, count = time.process_time() - start, sum(summary.classes.values())
     taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"] + taken["films"]
     print(
-        f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one"
+        f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms "
+        "to write one"
     )
     for part, seconds in (
         {"reading the model": loading} | taken | {"rest": whole - loading - sum(taken.values())}
@@ -160,7 +164,9 @@ def _duration(source: datasets.Source) -> float:
 
 
 def show(catalogue: Path, count: int, scratch: Path) -> None:
-    """Print how long a page of many scenarios takes to load, to filter and to sort, and its size."""
+    """Print how long a page of many scenarios takes to load, to filter and to
+    sort, and its size.
+    """
     from tests.runner.chromium import Browser
 
     head, mark, rest = (
@@ -183,9 +189,13 @@ def show(catalogue: Path, count: int, scratch: Path) -> None:
         for width in (1400, 390):
             browser.open(path, width=width)
             shown = browser.run("performance.now()")
-            change = "const all = document.getElementById('choose-{0}'); all.value = '{1}'; all.dispatchEvent(new Event('change'))"
+            change = (
+                "const all = document.getElementById('choose-{0}'); all.value = '{1}'; "
+                "all.dispatchEvent(new Event('change'))"
+            )
             times = [
-                browser.run(f"(() => {{ const start = performance.now(); {change.format(*each)}; document.body.offsetHeight; "
+                browser.run(f"(() => {{ const start = performance.now(); {change.format(*each)}; "
+                            "document.body.offsetHeight; "
                             "return performance.now() - start; })()")
                 for each in (("class", data["names"]["class"][0]), ("class", ""), ("sort", "-gap"))
             ]  # fmt: skip
@@ -232,7 +242,8 @@ def compare(folder: Path, scratch: Path) -> None:
         lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others]
     )
     print(
-        f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: {alone / together:.1f} times as long"
+        f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: "
+        f"{alone / together:.1f} times as long"
     )
     text = _seconds(
         lambda: [maneuvers.trajectory_catalog(_HEADER, trajectories(scene)) for scene in scenes]
@@ -241,7 +252,8 @@ def compare(folder: Path, scratch: Path) -> None:
         lambda: [_document([_objects(part, scene) for part in scene.parts]) for scene in scenes]
     )
     print(
-        f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long"
+        f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} "
+        "times as long"
     )
 
 

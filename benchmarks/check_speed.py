@@ -26,7 +26,7 @@ from schemas.versions.registry import Schema, detect, schema_for
 
 def main() -> None:
     """Print the three speeds and their ratios."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", help="files, folders and globs")
     arguments.add_argument(
         "--repeat", type=int, default=5, help="passes over the files, of which the median counts"
@@ -55,7 +55,8 @@ def main() -> None:
     for name, work in (("schema check", schema_check), ("check with all rules", full_check)):
         speed = _speed(work, files, options.repeat)
         print(
-            f"{name:<24}{speed:>8.0f} files/s  {reference / speed:.2f} times the time of plain libxml2"
+            f"{name:<24}{speed:>8.0f} files/s  {reference / speed:.2f} times the "
+            "time of plain libxml2"
         )
 
 

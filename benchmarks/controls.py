@@ -32,7 +32,8 @@ def situation(rng: np.random.Generator, others: int) -> Observation:
     def car(name: str, x: float, y: float, speed: float) -> Participant:
         h = float(rng.normal(0.0, 0.01))
         return Participant(
-            name, "vehicle", "car", CAR, x=x, y=y, h=h, speed=speed, vx=speed * math.cos(h), vy=speed * math.sin(h)
+            name, "vehicle", "car", CAR, x=x, y=y, h=h, speed=speed, vx=speed * math.cos(h),
+            vy=speed * math.sin(h)
         )  # fmt: skip
 
     around = [
@@ -59,7 +60,7 @@ def rate(once: Callable[[], int], seconds: float) -> float:
 
 def main() -> None:
     """Print decisions a second by system."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("systems", nargs="*", default=SYSTEMS)
     arguments.add_argument("--runs", type=int, default=4096)
     arguments.add_argument("--others", type=int, default=2)

@@ -319,7 +319,7 @@ def main() -> None:
 
 
 def _options() -> Namespace:
-    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser = ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("old", help="revision or checkout")
     parser.add_argument("new", help="revision or checkout")
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")

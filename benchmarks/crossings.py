@@ -44,7 +44,7 @@ class Crossing(NamedTuple):
 
 def main() -> None:
     """Print how many crossings of each kind there are, and how many are found."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", type=Path, help="recordings")
     crossed: Counter[tuple[str, bool]] = Counter()
     found: Counter[tuple[str, bool]] = Counter()
@@ -68,7 +68,8 @@ def main() -> None:
     print(f"{read} recordings, {failed} not read")
     for kind in sorted({kind for kind, _ in crossed}):
         print(
-            f"{kind}: {share(found, crossed, kind, True)} to the left, {share(found, crossed, kind, False)} to the right"
+            f"{kind}: {share(found, crossed, kind, True)} to the left, "
+            f"{share(found, crossed, kind, False)} to the right"
         )
     print(f"all: {found.total()} of {crossed.total()} found")
 

@@ -23,7 +23,7 @@ from recognition.labels.maneuvers.units import Samples
 
 def main() -> None:
     """Print a line for each kind of units."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--density", default=JUDGE)
     options = arguments.parse_args()
     for kind in KINDS:
@@ -39,7 +39,8 @@ def main() -> None:
         seconds = process_time() - start
         print(
             f"{kind:12} {len(likely)} units: {whole:.2f} s, with folds {seconds:.2f} s; "
-            f"held-out log-likelihood {likely.mean():.3f}, of the least likely 1 % below {np.quantile(likely, 0.01):.2f}"
+            f"held-out log-likelihood {likely.mean():.3f}, of the least likely 1 % below "
+            f"{np.quantile(likely, 0.01):.2f}"
         )
 
 

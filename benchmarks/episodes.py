@@ -77,10 +77,12 @@ def whole(scenario: Path, space: Space, theta: np.ndarray, timestep: float, proc
     seconds = perf_counter() - start
     rate = len(theta) / seconds
     print(
-        f"{len(theta)} episodes, {processes} processes, {timestep} s a step: {seconds:.1f} s, {rate:.0f} a second"
+        f"{len(theta)} episodes, {processes} processes, {timestep} s a step: {seconds:.1f} s, "
+        f"{rate:.0f} a second"
     )
     print(
-        f"    {found.end_time.mean():.1f} simulated s each, {(~found.executed).sum()} errors, {found.collision.sum()} collisions"
+        f"    {found.end_time.mean():.1f} simulated s each, {(~found.executed).sum()} errors, "
+        f"{found.collision.sum()} collisions"
     )
     print(f"    mean R_risk {found.r_risk.mean():.3f}")
 
@@ -118,7 +120,8 @@ def played(
     found = play(theta)
     spent, seconds = _processor_time() - start, perf_counter() - clock
     print(
-        f"{len(theta)} plays with {sut}, {processes} processes: {len(theta) / spent:.0f} a second of "
+        f"{len(theta)} plays with {sut}, {processes} processes: "
+        f"{len(theta) / spent:.0f} a second of "
         f"processor time, {len(theta) / seconds:.0f} by the clock"
     )
     print(f"    {found.end_time.mean():.1f} simulated s each, {found.collision.sum()} collisions")
@@ -132,7 +135,7 @@ def _processor_time() -> float:
 
 def main() -> None:
     """Print the cost of a search's episodes."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("scenario", type=Path, nargs="?", default=SCENARIO)
     arguments.add_argument("--episodes", type=int, default=3000)
     arguments.add_argument("--processes", type=int, default=2)

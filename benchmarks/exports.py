@@ -144,7 +144,7 @@ def show(target: str, answers: list[Answer]) -> None:
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument(
         "--to",

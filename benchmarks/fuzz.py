@@ -31,7 +31,7 @@ from tests.mutation import sources
 
 def main() -> None:
     """Run, print, and exit with 1 where something happened that must not."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("folders", nargs="*", type=Path, help="scenario files to begin with")
     arguments.add_argument("--count", type=int, default=1000, help="inputs")
     arguments.add_argument("--minutes", type=float, default=0.0, help="end after that time, too")
@@ -94,7 +94,8 @@ def _run(options: argparse.Namespace) -> list[Result]:
                 _show(result)
             if len(results) % 1000 == 0:
                 print(
-                    f"… {len(results)} inputs, {sum(bool(each.defect) for each in results)} defects",
+                    f"… {len(results)} inputs, "
+                    f"{sum(bool(each.defect) for each in results)} defects",
                     flush=True,
                 )
     return sorted(results)
@@ -117,15 +118,18 @@ def _report(results: Sequence[Result]) -> int:
         seconds = sum(result.seconds for result in results if result.kind == kind)
         answers = ", ".join(f"{code}: {count}" for code, count in sorted(counts.items()))
         print(
-            f"{kind or '(died or hung)':24}{counts.total():8}{defects[kind]:9}{seconds:10.0f} s   {answers}"
+            f"{kind or '(died or hung)':24}{counts.total():8}{defects[kind]:9}"
+            f"{seconds:10.0f} s   {answers}"
         )
     print(f"{len(results)} inputs, {defects.total()} defects")
     slowest, largest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.growth)
     print(
-        f"slowest: {slowest.seconds:.1f} s, {slowest.number} {slowest.kind} {slowest.source} {'; '.join(slowest.changes)[:200]}"
+        f"slowest: {slowest.seconds:.1f} s, {slowest.number} {slowest.kind} {slowest.source} "
+        f"{'; '.join(slowest.changes)[:200]}"
     )
     print(
-        f"largest: {largest.growth:.0f} MiB, {largest.number} {largest.kind} {largest.source} {'; '.join(largest.changes)[:200]}"
+        f"largest: {largest.growth:.0f} MiB, {largest.number} {largest.kind} {largest.source} "
+        f"{'; '.join(largest.changes)[:200]}"
     )
     return 1 if defects else 0
 

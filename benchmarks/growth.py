@@ -135,7 +135,9 @@ def _is_in(element: etree._Element, tag: str) -> bool:
 
 
 def read(path: Path) -> None:
-    """Compile a scenario, list parameter sets of a variation file, check a catalogue; or refuse it."""
+    """Compile a scenario, list parameter sets of a variation file, check a
+    catalogue; or refuse it.
+    """
     root = etree.parse(path).getroot()
     with suppress(ToolchainError):
         if root.find("Catalog") is not None:
@@ -168,7 +170,9 @@ def growth(element: Repeatable, path: Path, most: int, longest: float, folder: P
 
 
 def measured(most: int, only: str, longest: float) -> Iterator[Growth]:
-    """Yield the growth with each element of the newest schema that a file has, and name the others."""
+    """Yield the growth with each element of the newest schema that a file has,
+    and name the others.
+    """
     schema = schema_for(OPENSCENARIO, (1, 3))
     assert schema is not None
     wanted = [each for each in repeatable(schema.path) if only in "/".join(each)]
@@ -183,7 +187,7 @@ def measured(most: int, only: str, longest: float) -> Iterator[Growth]:
 
 def main() -> None:
     """Print a line for each element."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--most", type=int, default=16000, help="largest number")
     parser.add_argument("--only", default="", help="part of PARENT/ELEMENT")
     parser.add_argument("--seconds", type=float, default=20.0, help="time at which a series ends")

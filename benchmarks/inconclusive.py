@@ -26,7 +26,7 @@ from xosc.distributions import Selection
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--sut", default=DEFAULT_SYSTEM)
     parser.add_argument("--world", choices=WORLDS, default="sumo")

@@ -29,7 +29,8 @@ def main() -> None:
         largest = sorted(sizes.items(), key=lambda item: -item[1])[:_SHOWN]
         named = ", ".join(f"{name} {count / _MB:.0f}" for name, count in largest)
         print(
-            f"{extra or 'the package'}: {len(sizes)} files, {sum(sizes.values()) / _MB:.0f} MB ({named})"
+            f"{extra or 'the package'}: {len(sizes)} files, "
+            f"{sum(sizes.values()) / _MB:.0f} MB ({named})"
         )
 
 

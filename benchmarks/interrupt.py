@@ -68,7 +68,8 @@ def main() -> int:
             ]
             kills, batches, different = kills + killed, batches + 1, different + len(wrong)
             print(
-                f"batch {batches}: killed {killed} times, {len(found)} files, {len(wrong)} differ {wrong[:3] or ''}",
+                f"batch {batches}: killed {killed} times, {len(found)} files, {len(wrong)} differ "
+                f"{wrong[:3] or ''}",
                 flush=True,
             )
     print(f"{kills} kills in {batches} batches of {longest:.1f} s: {different} files differ")

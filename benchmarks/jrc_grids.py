@@ -130,7 +130,8 @@ def compare(pool: Pool, name: str, driver: str, every: int) -> None:
     known = PUBLISHED[driver][name]
     off = f"{found.all / known.all - 1:+.1%} ({found.rear_end / known.rear_end - 1:+.1%})"
     print(
-        f"{driver:<9}{name:<5}{len(outcomes):>6} of {total} runs: {found.all:6.0f} collisions ({found.rear_end:.0f} rear-end), "
+        f"{driver:<9}{name:<5}{len(outcomes):>6} of {total} runs: {found.all:6.0f} collisions "
+        f"({found.rear_end:.0f} rear-end), "
         f"published {known.all} ({known.rear_end}): {off}, "
         f"{seconds:.0f} s, {len(outcomes) / seconds:.0f} runs a second",
         flush=True,
@@ -139,7 +140,7 @@ def compare(pool: Pool, name: str, driver: str, every: int) -> None:
 
 def main() -> None:
     """Print collisions of each driver on each grid."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--drivers", nargs="+", choices=PUBLISHED, default=list(PUBLISHED))
     arguments.add_argument("--every", type=int, default=1, metavar="N")
     arguments.add_argument("--processes", type=int, default=2)

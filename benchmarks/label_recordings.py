@@ -43,7 +43,7 @@ class Times(NamedTuple):
 
 def main() -> None:
     """Print a line for each recording."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="*", type=Path, help="folders or files with recordings")
     arguments.add_argument(
         "--traffic", type=int, metavar="VEHICLES", help="measure a synthetic recording"
@@ -53,7 +53,8 @@ def main() -> None:
     )
     options = arguments.parse_args()
     print(
-        f"{'recording':<32}{'rows':>9}{'events':>8}{'read':>8}{'site':>8}{'place':>8}{'label':>8}  s"
+        f"{'recording':<32}{'rows':>9}{'events':>8}{'read':>8}{'site':>8}{'place':>8}"
+        f"{'label':>8}  s"
     )
     with tempfile.TemporaryDirectory() as folder:
         for path in options.paths:
@@ -130,9 +131,12 @@ def _vehicle(name: str, rng: np.random.Generator) -> Track:
     who = participant(name, "car")
     zero = np.zeros(len(frame))
     columns = {
-        "time": time_of + frame / RATE, "x": 500.0 - side * speed * (frame / RATE - 0.5 * SECONDS), "y": y, "z": zero,
-        "h": np.full(len(frame), np.pi if side > 0.0 else 0.0), "pitch": zero, "roll": zero, "speed": zero + speed,
-        "acceleration": zero, "road_id": np.full(len(frame), None, object), "lane_id": np.zeros(len(frame), np.int64),
+        "time": time_of + frame / RATE, "x": 500.0 - side * speed * (frame / RATE - 0.5 * SECONDS),
+        "y": y, "z": zero,
+        "h": np.full(len(frame), np.pi if side > 0.0 else 0.0), "pitch": zero, "roll": zero,
+        "speed": zero + speed,
+        "acceleration": zero, "road_id": np.full(len(frame), None, object),
+        "lane_id": np.zeros(len(frame), np.int64),
         "s": zero, "t": zero, "lane_offset": zero,
     }  # fmt: skip
     return Track(

@@ -53,7 +53,7 @@ print(json.dumps(times))
 
 def main() -> None:
     """Print the time of all files, and of the slowest."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", help="files, folders and globs")
     arguments.add_argument("--against", type=Path, help="another checkout")
     arguments.add_argument("--repeat", type=int, default=5, help="processes of each checkout")

@@ -23,7 +23,7 @@ WRONG = (0, 5, -9, "timeout")
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser = ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--version", type=Path, default=ROOT)

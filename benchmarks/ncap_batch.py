@@ -48,7 +48,7 @@ class Load(NamedTuple):
 
 def main() -> None:
     """Print seconds of each batch, and what they are for each run and step."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--timestep", type=float, default=0.01, help="s")
@@ -71,7 +71,8 @@ def main() -> None:
         ours, theirs = _command(files, settings, options.jobs), _bare(loads, options.jobs)
         steps = sum(load.steps for load in loads)
         print(
-            f"{options.world}, sut {sut}: {len(outcomes)} runs of {len(files)} files, {len(failed)} errors, {steps} steps, "
+            f"{options.world}, sut {sut}: {len(outcomes)} runs of {len(files)} files, "
+            f"{len(failed)} errors, {steps} steps, "
             f"--jobs {options.jobs}"
         )
         for name, seconds in (("xosc-run", ours), ("bare libsumo", theirs)):

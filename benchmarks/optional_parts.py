@@ -301,7 +301,7 @@ def _played(path: Path, road_path: Sequence[Path]) -> runner.RunResult | str:
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--road-path", action="append", default=[], type=Path)
     parser.add_argument("--sample", type=int, help="number of drawn cases; all by default")

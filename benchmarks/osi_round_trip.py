@@ -31,7 +31,7 @@ PLACE, TIME = 0.01, 0.001
 def main() -> None:
     """Print a line for each scenario that is off or can't run, and the greatest distances; 1 where
     one is off."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument(
         "files", nargs="*", type=Path, help="scenarios; by default the library's"
     )
@@ -51,7 +51,8 @@ def main() -> None:
             off += 1
             print(f"{path.name}: {place:.4f} m, {time:.6f} s")
     print(
-        f"{compared} scenarios, two formats: at most {worst[0]:.2e} m and {worst[1]:.2e} s, {off} off"
+        f"{compared} scenarios, two formats: at most {worst[0]:.2e} m and "
+        f"{worst[1]:.2e} s, {off} off"
     )
     sys.exit(bool(off))
 

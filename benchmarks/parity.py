@@ -82,7 +82,7 @@ def _furthest(recorded: pa.Table, result: runner.RunResult, name: str) -> float:
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("reference", type=Path)
     parser.add_argument("corpora", type=Path, nargs="+")
     parser.add_argument(
@@ -105,7 +105,8 @@ def main() -> None:
             if arguments.differ and state == "differs":
                 print(f"    {distance:.3g} m: {row['file']} {row['permutation']}")
         print(
-            f"{name:20}{len(rows):4} runs, {count['equal']:4} equal, {count['differs']:3} differ, {count['failed']:3} failed"
+            f"{name:20}{len(rows):4} runs, {count['equal']:4} equal, {count['differs']:3} differ, "
+            f"{count['failed']:3} failed"
         )
 
 

@@ -28,7 +28,8 @@ from xosc.distributions import Selection
 SETS = 3
 """Parameter sets that are drawn of a variation file."""
 INCOMPLETE = re.compile(
-    r"LogicFile: the road network .* does not exist|there is no catalogue |ScenarioFile: .* does not exist"
+    r"LogicFile: the road network .* does not exist|there is no catalogue "
+    r"|ScenarioFile: .* does not exist"
 )
 
 
@@ -66,7 +67,7 @@ def verdict(outcomes: list[Outcome]) -> str:
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--road-path", action="append", default=[])
     parser.add_argument("--catalog-path", action="append", default=[])
@@ -92,12 +93,14 @@ def main() -> None:
     count = Counter(verdicts.values())
     complete = len(chosen) - count["incomplete"]
     print(
-        f"{len(chosen)} files, {complete} complete, {count['plays']} play ({count['plays'] / max(complete, 1):.0%} of those)"
+        f"{len(chosen)} files, {complete} complete, {count['plays']} play "
+        f"({count['plays'] / max(complete, 1):.0%} of those)"
     )
     for reason, number in count.most_common():
         if reason not in ("plays", "incomplete"):
             print(
-                f"    {number:4}  {reason}  ({next(path for path, each in verdicts.items() if each == reason).name})"
+                f"    {number:4}  {reason}  "
+                f"({next(path for path, each in verdicts.items() if each == reason).name})"
             )
 
 

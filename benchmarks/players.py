@@ -159,7 +159,7 @@ def scenarios(folders: Sequence[Path]) -> Iterator[Path]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a line for each file, the sums, and what was left out."""
-    parser = ArgumentParser(description=__doc__.split("\n")[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--esmini", required=True, type=Path, help="its binary")
     parser.add_argument("--repeat", type=int, default=3)

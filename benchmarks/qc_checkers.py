@@ -31,14 +31,15 @@ RULES = {
 }
 """Ends of rules' uids by folder, where the folder's name is not that of the rule."""
 WITHOUT_VERDICT = (
-    "examples", "not_implemented_yet", "utils", "non_existing_road_network_file", "parameter_declaration_with_expression",
-    "parametric_entity_ref", "parametric_input_xodr", "parametric_operator_in_expression",
+    "examples", "not_implemented_yet", "utils", "non_existing_road_network_file",
+    "parameter_declaration_with_expression", "parametric_entity_ref", "parametric_input_xodr",
+    "parametric_operator_in_expression",
 )  # fmt: skip
 
 
 def main() -> None:
     """Print each verdict that differs, and how many are equal."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
         "folder", type=Path, help="tests/data of qc-opendrive or qc-openscenarioxml"
     )
@@ -54,7 +55,8 @@ def main() -> None:
         equal += broken == found
         if broken != found:
             print(
-                f"{path.relative_to(folder)}: expected {'a problem' if broken else 'none'}, found {'one' if found else 'none'}"
+                f"{path.relative_to(folder)}: expected {'a problem' if broken else 'none'}, found "
+                f"{'one' if found else 'none'}"
             )
     print(f"{equal} of {total} verdicts are equal ({100 * equal / max(total, 1):.1f} %)")
 

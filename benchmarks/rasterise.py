@@ -25,8 +25,10 @@ PAPER = 43_800
 
 
 def main() -> None:
-    """Print the time that rasterising takes, by recording and for as many windows as the paper has."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    """Print the time that rasterising takes, by recording and for as many
+    windows as the paper has.
+    """
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("recordings", type=Path, help="file or folder")
     arguments.add_argument("--windows", type=int, default=200, help="from each recording")
     options = arguments.parse_args()
@@ -42,7 +44,8 @@ def main() -> None:
             grids = rasterise(recording, chosen, grid, site)
             end = time.process_time()
             print(
-                f"{source.name:<40}{len(recording.tracks):>5} tracks  {len(grids):>6} windows  {end - read:.2f} s"
+                f"{source.name:<40}{len(recording.tracks):>5} tracks  {len(grids):>6} windows  "
+                f"{end - read:.2f} s"
             )
             reading, drawing, windows = (
                 reading + read - start,

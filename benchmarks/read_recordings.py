@@ -29,15 +29,15 @@ UPPER, LOWER = "8.51;12.34;16.25", "21.00;24.96;28.80"
 LANES = {2: 9.4, 3: 13.3, 5: 22.0, 6: 25.9}
 """Upper edges of boxes in each lane of the data set, m."""
 REMAINING = (
-    "xAcceleration", "yAcceleration", "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc", "precedingXVelocity",
-    "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId", "leftFollowingId", "rightPrecedingId",
-    "rightAlongsideId", "rightFollowingId",
+    "xAcceleration", "yAcceleration", "frontSightDistance", "backSightDistance", "dhw", "thw",
+    "ttc", "precedingXVelocity", "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId",
+    "leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId",
 )  # fmt: skip
 
 
 def main() -> None:
     """Print time, ratio and memory."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--vehicles", type=int, default=1000)
     arguments.add_argument(
         "--recordings", type=int, default=60, help="how many there are in the folder"
@@ -54,11 +54,13 @@ def main() -> None:
         reference = _median(lambda: pacsv.read_csv(tracks), options.repeat)
         reading = _median(lambda: _read_all(folder), options.repeat)
         print(
-            f"{options.vehicles} vehicles, {rows} rows, {tracks.stat().st_size / 1e6:.0f} MB; median of {options.repeat}"
+            f"{options.vehicles} vehicles, {rows} rows, {tracks.stat().st_size / 1e6:.0f} MB; "
+            f"median of {options.repeat}"
         )
         print(f"parsed by Arrow alone          {reference:6.2f} s")
         print(
-            f"read and smoothed, all columns {reading:6.2f} s  {reading / reference:.1f} times Arrow alone"
+            f"read and smoothed, all columns {reading:6.2f} s  "
+            f"{reading / reference:.1f} times Arrow alone"
         )
         _folder_of_many(folder, options.recordings)
 
@@ -87,8 +89,10 @@ def write_recording(folder: Path, vehicles: int, rng: np.random.Generator) -> No
         "laneId": lane[which],
     }
     meta = {
-        "id": np.arange(vehicles) + 1, "width": length.round(2), "height": width.round(2), "initialFrame": first,
-        "finalFrame": first + frames - 1, "numFrames": frames, "class": np.where(length > 8.0, "Truck", "Car"),
+        "id": np.arange(vehicles) + 1, "width": length.round(2), "height": width.round(2),
+        "initialFrame": first,
+        "finalFrame": first + frames - 1, "numFrames": frames,
+        "class": np.where(length > 8.0, "Truck", "Car"),
         "drivingDirection": np.where(east, 2, 1),
     }  # fmt: skip
     recording = {
@@ -120,7 +124,8 @@ def _folder_of_many(folder: Path, recordings: int) -> None:
     before = _memory()
     sources = datasets.open(folder, roads=folder / "roads").sources
     print(
-        f"folder of {len(sources)} opened in {time.perf_counter() - start:6.2f} s, {_memory() - before:+.0f} MB"
+        f"folder of {len(sources)} opened in {time.perf_counter() - start:6.2f} s, "
+        f"{_memory() - before:+.0f} MB"
     )
     for count, source in enumerate(sources, 1):
         recording = source.load()

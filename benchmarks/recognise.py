@@ -24,7 +24,7 @@ _REPEATS = 3
 
 def main() -> None:
     """Print speeds."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("recordings", type=Path, help="folder of recordings or of windows")
     arguments.add_argument("--model", type=Path, default=SHIPPED)
     arguments.add_argument("--windows", type=int, default=4096)
@@ -43,7 +43,8 @@ def main() -> None:
     whole, encoding = _speed(model.recognise, chosen), _speed(model.encode, chosen)
     print(f"recognised: {whole:.0f} windows/s")
     print(
-        f"encoded by {len(model.encoders)} encoders: {encoding:.0f}/s, {whole / encoding:.0%} of the time of recognition"
+        f"encoded by {len(model.encoders)} encoders: {encoding:.0f}/s, {whole / encoding:.0%} of "
+        "the time of recognition"
     )
 
 

@@ -21,7 +21,7 @@ CLASSES = [one for one in Label if one > 0]
 
 def main() -> None:
     """Print a table of sites and classes."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--scale", type=float, default=0.05)
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--site", action="append", choices=list(SITES))
@@ -41,7 +41,8 @@ def main() -> None:
             )
             size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
             print(
-                f"{len(found)} recordings, {size / 1e6:.0f} MB in {time.perf_counter() - start:.0f} s, {options.jobs} jobs"
+                f"{len(found)} recordings, {size / 1e6:.0f} MB in "
+                f"{time.perf_counter() - start:.0f} s, {options.jobs} jobs"
             )
         _count(out, Path(scratch))
 

@@ -34,7 +34,7 @@ _PHYSICS = 9.5
 
 def main() -> None:
     """Print what was made, what the checks say, and how far the runs are from the recording."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", type=Path, help="recordings")
     arguments.add_argument(
         "--world", default="sumo", help="sumo, or kinematic: without a simulator"
@@ -60,7 +60,8 @@ def measure(path: Path, world: str, limit: float) -> None:
             [path], out, settings, pipeline.ByRules, partial(progress_bar, quiet=True)
         )
         print(
-            f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles without: {dict(made.passages)}"
+            f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles "
+            f"without: {dict(made.passages)}"
         )
         for name, error in made.failures.items():
             print(f"{name} was not read: {error}")
@@ -80,10 +81,12 @@ def report(runs: dict[str, fidelity.Replay], limit: float) -> None:
     each = [deviation for *_, deviation in everyone]
     missing = [one.missing for one in each]
     print(
-        f"{len(runs)} runs, {len(each)} participants, {sum(missing)} rows missing, at most {max(missing)} of one participant"
+        f"{len(runs)} runs, {len(each)} participants, {sum(missing)} rows missing, at most "
+        f"{max(missing)} of one participant"
     )
     print(
-        f"greatest distance of a participant from its recorded positions: {quantiles([one.greatest for one in each], 'm')}"
+        "greatest distance of a participant from its recorded positions: "
+        f"{quantiles([one.greatest for one in each], 'm')}"
     )
     rows = np.array([one.rows for one in each])
     for what, unit, values in (
@@ -92,7 +95,8 @@ def report(runs: dict[str, fidelity.Replay], limit: float) -> None:
     ):
         overall = float(np.sqrt((rows * values**2)[rows > 0].sum() / rows.sum()))
         print(
-            f"{what}, root mean square of the difference: {overall:.3f} {unit}; of a participant {quantiles(values, unit)}"
+            f"{what}, root mean square of the difference: {overall:.3f} {unit}; of a participant "
+            f"{quantiles(values, unit)}"
         )
     print(f"greatest speed {max(one.fastest for one in each):.1f} m/s")
     for category in sorted({one.category for one in each}):

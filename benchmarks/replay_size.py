@@ -56,7 +56,8 @@ _SIDE, _BLOCK = 7000, 250
 _STREET = """<road name="" length="{length}" id="{id}" junction="-1">
 <planView><geometry s="0" x="{x}" y="{y}" hdg="{h}" length="{length}"><line/></geometry></planView>
 <elevationProfile>{hills}</elevationProfile><lanes><laneSection s="0"><left>{left}</left>
-<center><lane id="0" type="none"><roadMark sOffset="0" type="broken"/></lane></center><right>{right}</right></laneSection></lanes>
+<center><lane id="0" type="none"><roadMark sOffset="0" type="broken"/></lane></center>
+<right>{right}</right></laneSection></lanes>
 <objects>{objects}</objects><signals>{signals}</signals></road>"""
 _LANE = """<lane id="{id}" type="{type}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/>
 <roadMark sOffset="0" type="solid"/></lane>"""
@@ -64,7 +65,7 @@ _LANE = """<lane id="{id}" type="{type}"><width sOffset="0" a="{width}" b="0" c=
 
 def main() -> None:
     """Print a line for each road."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--seconds", type=float, default=60.0, help="length of the runs")
     arguments.add_argument(
         "--noise", type=float, default=0.05, help="standard deviation of the noise, m"
@@ -76,7 +77,8 @@ def main() -> None:
         _town()
         return
     print(
-        f"{PARTICIPANTS} participants, {options.seconds:g} s; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+        f"{PARTICIPANTS} participants, {options.seconds:g} s; load {os.getloadavg()[0]:.1f} on "
+        f"{os.cpu_count()} cores"
     )
     with tempfile.TemporaryDirectory() as folder:
         for road in ROADS:
@@ -95,7 +97,8 @@ def _town() -> None:
         begin = process_time()
         write_replay([result], page)
         print(
-            f"town: page {page.stat().st_size / 1e6:.2f} MB in {process_time() - begin:.1f} s; load {os.getloadavg()[0]:.1f}"
+            f"town: page {page.stat().st_size / 1e6:.2f} MB in {process_time() - begin:.1f} s; "
+            f"load {os.getloadavg()[0]:.1f}"
         )
         sys.path.append(str(Path(__file__).parents[1]))
         from tests.runner.chromium import Browser
@@ -111,7 +114,8 @@ def _town() -> None:
                 browser.run(_COUNT)  # while the page finds out what it can draw
                 frames = float(browser.run(_COUNT)) / PLAYED
                 print(
-                    f"  {kind}: {frames:.0f} frames/s {browser.text('.told span') or 'nothing simplified'}"
+                    f"  {kind}: {frames:.0f} frames/s "
+                    f"{browser.text('.told span') or 'nothing simplified'}"
                 )
 
 
@@ -135,16 +139,19 @@ def _write_town(path: Path) -> Path:
         ):
             places = range(_BLOCK // 2, _SIDE, _BLOCK)
             hills = "".join(
-                f'<elevation s="{s}" a="{10 * (s // 500 % 2)}" b="0" c="{(3 - 6 * (s // 500 % 2)) * 4e-5}" '
+                f'<elevation s="{s}" a="{10 * (s // 500 % 2)}" b="0" '
+                f'c="{(3 - 6 * (s // 500 % 2)) * 4e-5}" '
                 f'd="{(-2 + 4 * (s // 500 % 2)) * 8e-8}"/>'
                 for s in range(0, _SIDE, 500)
             )
             houses = "".join(
-                f'<object id="{s}" type="building" s="{s}" t="25" length="30" width="18" height="{6 + s % 7 * 3}"/>'
+                f'<object id="{s}" type="building" s="{s}" t="25" length="30" width="18" '
+                f'height="{6 + s % 7 * 3}"/>'
                 for s in places
             )
             signs = "".join(
-                f'<signal id="{2 * index + along}-{s}" s="{s}" t="-7" orientation="+" dynamic="no" type="274" zOffset="2"/>'
+                f'<signal id="{2 * index + along}-{s}" s="{s}" t="-7" orientation="+" '
+                'dynamic="no" type="274" zOffset="2"/>'
                 for s in places
             )
             values = {
@@ -209,7 +216,8 @@ def _measure(name: str, result: RunResult, folder: Path, frames: bool) -> None:
     end = process_time()
     played = ", {:.0f} frames/s of {:.1f} ms".format(*_frames(page, folder)) if frames else ""
     print(
-        f"{name:<20} {rows} rows: page {page.stat().st_size / 1e6:.2f} MB in {between - begin:.2f} s{played}; "
+        f"{name:<20} {rows} rows: page {page.stat().st_size / 1e6:.2f} MB in "
+        f"{between - begin:.2f} s{played}; "
         f"GIF {gif.stat().st_size / 1e6:.2f} MB in {end - between:.1f} s"
     )
 
@@ -223,7 +231,9 @@ def _shake(result: RunResult, noise: float) -> None:
 
 
 def _frames(page: Path, folder: Path) -> tuple[float, float]:
-    """Frames per second while the page plays, and processor time of its main thread for each, ms."""
+    """Frames per second while the page plays, and processor time of its main
+    thread for each, ms.
+    """
     sys.path.append(str(Path(__file__).parents[1]))
     from tests.runner.chromium import Browser
 

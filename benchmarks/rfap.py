@@ -29,7 +29,7 @@ FITTED = 6000
 
 def main() -> None:
     """Print the table."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--trees", type=int, default=250)
     arguments.add_argument("--width", type=int, default=128, help="dimensions of the features")
     arguments.add_argument("--classes", type=int, default=14)
@@ -50,7 +50,8 @@ def main() -> None:
         for size in SIZES:
             spent = _time(lambda trees=trees, size=size: similarity(trees, held[:size]))
             print(
-                f"{name:<12} {size:>5} samples  {spent:7.2f} s  {1e9 * spent / size**2 / options.trees:.2f} ns a pair and tree"
+                f"{name:<12} {size:>5} samples  {spent:7.2f} s  "
+                f"{1e9 * spent / size**2 / options.trees:.2f} ns a pair and tree"
             )
     spent, loop = (
         _time(lambda: similarity(grown, held[:NAIVE])),

@@ -22,14 +22,19 @@ from xodr.formats.maps.comparing import compare
 from xodr.formats.maps.lane_map import LaneMap
 from xodr.formats.maps.projecting import Projector
 
-_ENDINGS = {"lanelet2": "map.osm", "sumo": "map.net.xml", "commonroad": "map.xml", "geojson": "map.geojson"}  # fmt: skip
+_ENDINGS = {
+    "lanelet2": "map.osm",
+    "sumo": "map.net.xml",
+    "commonroad": "map.xml",
+    "geojson": "map.geojson",
+}
 _SQUARE = np.array([[x, y, 0.0] for x in (-1e3, 0.0, 1e3) for y in (-1e3, 0.0, 1e3)])
 """Places (m) whose longitude and latitude are compared"""
 
 
 def main() -> None:
     """Print a row for each map and format, and the sums."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", type=Path, help="OpenDRIVE files and folders")
     arguments.add_argument("--between", nargs="+", choices=_ENDINGS, default=["lanelet2", "sumo"])
     arguments.add_argument("--largest-file", type=int, default=1_000_000, help="bytes")

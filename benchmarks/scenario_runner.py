@@ -60,7 +60,7 @@ def stops(files: list[Path], checkout: str, python: str) -> Iterator[tuple[Path,
 
 def main() -> None:
     """Entry point."""
-    parser = ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument(
         "--checkout",
@@ -81,7 +81,8 @@ def main() -> None:
         files = exported(sources, Path(scratch))
         stopped = list(stops(files, arguments.checkout, arguments.python))
     print(
-        f"{len(sources)} files, {len(files)} exports for CARLA, {len(files) - len(stopped)} read by scenario_runner's parser"
+        f"{len(sources)} files, {len(files)} exports for CARLA, {len(files) - len(stopped)} read "
+        "by scenario_runner's parser"
     )
     for message, count in Counter(
         re.sub(r"'[^']*'", "…", message)[:120] for _, message in stopped

@@ -19,7 +19,7 @@ from schemas.common.array_types import FloatArray
 
 def main() -> None:
     """Print a line for each site."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("paths", nargs="+", type=Path, help="recordings")
     sites: dict[str, list[tuple[FloatArray, ...]]] = {}
     counts: Counter[str] = Counter()
@@ -37,7 +37,8 @@ def main() -> None:
             moved(track) for track in recording.tracks.values() if track.kind == "vehicle"
         )
     print(
-        f"{counts['rows']} rows read in {counts['ms'] / 1000:.1f} s, {counts['cuts']} cuts, {counts['excluded']} rows excluded"
+        f"{counts['rows']} rows read in {counts['ms'] / 1000:.1f} s, {counts['cuts']} cuts, "
+        f"{counts['excluded']} rows excluded"
     )
     for site, tracks in sites.items():
         off, speed, acceleration, recorded, smoothed, jerk = (
@@ -46,10 +47,12 @@ def main() -> None:
         print(f"{site}: {len(off)} rows of vehicles")
         print(f"  centre off by {quantiles(off)} m")
         print(
-            f"  speed, acceleration off by {rms(speed):.3f} m/s, {rms(acceleration):.3f} m/s² (root mean square)"
+            f"  speed, acceleration off by {rms(speed):.3f} m/s, {rms(acceleration):.3f} m/s² "
+            "(root mean square)"
         )
         print(
-            f"  |acceleration| recorded {quantiles(recorded)}, smoothed {quantiles(smoothed)} m/s²; |jerk| {quantiles(jerk)} m/s³"
+            f"  |acceleration| recorded {quantiles(recorded)}, smoothed {quantiles(smoothed)} "
+            f"m/s²; |jerk| {quantiles(jerk)} m/s³"
         )
 
 

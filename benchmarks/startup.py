@@ -35,7 +35,7 @@ COMMANDS = {
 
 def main() -> None:
     """Print the processor time of each command in seconds, and its ratio to the first one."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--repeat", type=int, default=7)
     repeat = arguments.parse_args().repeat
     with TemporaryDirectory() as bytecode:

@@ -67,33 +67,47 @@ ROADS = {
 
 def _car(name: str) -> str:
     return f"""<ScenarioObject name="{name}"><Vehicle name="car" vehicleCategory="car">
-      <BoundingBox><Center x="1.4" y="0" z="0.75"/><Dimensions width="1.8" length="4.5" height="1.5"/></BoundingBox>
+      <BoundingBox><Center x="1.4" y="0" z="0.75"/><Dimensions width="1.8" length="4.5"
+      height="1.5"/></BoundingBox>
       <Performance maxSpeed="70" maxAcceleration="10" maxDeceleration="10"/>
-      <Axles><FrontAxle maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.8" positionX="2.8" positionZ="0.3"/>
-      <RearAxle maxSteering="0" wheelDiameter="0.6" trackWidth="1.8" positionX="0" positionZ="0.3"/></Axles></Vehicle>
+      <Axles><FrontAxle maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.8" positionX="2.8"
+      positionZ="0.3"/>
+      <RearAxle maxSteering="0" wheelDiameter="0.6" trackWidth="1.8" positionX="0"
+      positionZ="0.3"/></Axles></Vehicle>
     </ScenarioObject>"""
 
 
 def _speed(value: float, seconds: float) -> str:
-    shape = f'dynamicsShape="{"sinusoidal" if seconds else "step"}" dynamicsDimension="time" value="{seconds}"'
+    shape = (
+        f'dynamicsShape="{"sinusoidal" if seconds else "step"}" dynamicsDimension="time" '
+        f'value="{seconds}"'
+    )
     return f"""<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics {shape}/>
-      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget></SpeedAction></LongitudinalAction>
+      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget></SpeedAction>
+      </LongitudinalAction>
       </PrivateAction>"""
 
 
 def _condition(name: str, inner: str) -> str:
-    return f"""<StartTrigger><ConditionGroup><Condition name="{name}" delay="0" conditionEdge="none">{inner}</Condition>
+    return f"""<StartTrigger><ConditionGroup><Condition name="{name}" delay="0"
+      conditionEdge="none">{inner}</Condition>
       </ConditionGroup></StartTrigger>"""
 
 
 def _at(time: float) -> str:
-    return f'<ByValueCondition><SimulationTimeCondition value="{time}" rule="greaterOrEqual"/></ByValueCondition>'
+    return (
+        f'<ByValueCondition><SimulationTimeCondition value="{time}" '
+        'rule="greaterOrEqual"/></ByValueCondition>'
+    )
 
 
 def _near(name: str, other: str) -> str:
-    return f"""<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="{name}"/>
-      </TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="{other}" value="0.1" freespace="true"
-      relativeDistanceType="euclidianDistance" rule="lessThan"/></EntityCondition></ByEntityCondition>"""
+    return f"""<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any">
+      <EntityRef entityRef="{name}"/>
+      </TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="{other}"
+      value="0.1" freespace="true"
+      relativeDistanceType="euclidianDistance" rule="lessThan"/></EntityCondition>
+      </ByEntityCondition>"""
 
 
 def _event(name: str, action: str, trigger: str) -> str:
@@ -104,7 +118,8 @@ def _event(name: str, action: str, trigger: str) -> str:
 def _lane_change(lane: int) -> str:
     return f"""<PrivateAction><LateralAction><LaneChangeAction>
       <LaneChangeActionDynamics dynamicsShape="cubic" dynamicsDimension="time" value="5"/>
-      <LaneChangeTarget><AbsoluteTargetLane value="{lane}"/></LaneChangeTarget></LaneChangeAction></LateralAction>
+      <LaneChangeTarget><AbsoluteTargetLane value="{lane}"/></LaneChangeTarget></LaneChangeAction>
+      </LateralAction>
       </PrivateAction>"""
 
 
@@ -114,13 +129,16 @@ def _group(number: int, start: Start, count: int) -> str:
     events += _event(f"Watch{number}", _speed(0.0, 3.0), _near(name, other))
     if start.lane == -3:
         events += _event(f"Change{number}", _lane_change(-2), _at(2.0))
-    return f"""<ManeuverGroup name="G{number}" maximumExecutionCount="1"><Actors selectTriggeringEntities="false">
-      <EntityRef entityRef="{name}"/></Actors><Maneuver name="M{number}">{events}</Maneuver></ManeuverGroup>"""
+    return f"""<ManeuverGroup name="G{number}" maximumExecutionCount="1">
+      <Actors selectTriggeringEntities="false">
+      <EntityRef entityRef="{name}"/></Actors><Maneuver name="M{number}">{events}</Maneuver>
+      </ManeuverGroup>"""
 
 
 def _private(number: int, start: Start) -> str:
     where = f'<LanePosition roadId="{start.road}" laneId="{start.lane}" s="{start.s}"/>'
-    teleport = f"<PrivateAction><TeleportAction><Position>{where}</Position></TeleportAction></PrivateAction>"
+    position = f"<Position>{where}</Position>"
+    teleport = f"<PrivateAction><TeleportAction>{position}</TeleportAction></PrivateAction>"
     return f'<Private entityRef="V{number}">{teleport}{_speed(start.speed, 0.0)}</Private>'
 
 
@@ -131,11 +149,16 @@ def write_scenario(folder: Path, road: str, count: int) -> Path:
     built.write(folder / f"{road}.xodr")
     path = folder / f"{road}{count}.xosc"
     path.write_text(
-        f"""<OpenSCENARIO><FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="benchmark" description="cost"/>
+        f"""<OpenSCENARIO><FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00"
+      author="benchmark" description="cost"/>
     <CatalogLocations/><RoadNetwork><LogicFile filepath="{road}.xodr"/></RoadNetwork>
     <Entities>{"".join(_car(f"V{k}") for k in range(count))}</Entities>
-    <Storyboard><Init><Actions>{"".join(_private(k, start) for k, start in enumerate(starts))}</Actions></Init>
-    <Story name="S"><Act name="A">{"".join(_group(k, start, count) for k, start in enumerate(starts))}
+    <Storyboard><Init><Actions>{
+            "".join(_private(k, start) for k, start in enumerate(starts))
+        }</Actions></Init>
+    <Story name="S"><Act name="A">{
+            "".join(_group(k, start, count) for k, start in enumerate(starts))
+        }
     <StartTrigger/></Act></Story><StopTrigger/></Storyboard></OpenSCENARIO>""",
         encoding="utf-8",
     )
@@ -289,7 +312,7 @@ def profile(path: Path, steps: int, timestep: float) -> Iterator[tuple[str, floa
 
 def main() -> None:
     """Print costs, ratios and profiles."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--steps", type=int, default=1000)
     arguments.add_argument("--timestep", type=float, default=0.01, help="s")
     options = arguments.parse_args()

@@ -40,9 +40,12 @@ EVENTS = 6
 
 
 def _distance(name: str, other: str, value: float) -> str:
-    return f"""<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="{name}"/>
-      </TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="{other}" value="{value}" freespace="false"
-      relativeDistanceType="longitudinal" coordinateSystem="road" rule="lessThan"/></EntityCondition></ByEntityCondition>"""
+    return f"""<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any">
+      <EntityRef entityRef="{name}"/>
+      </TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="{other}"
+      value="{value}" freespace="false"
+      relativeDistanceType="longitudinal" coordinateSystem="road" rule="lessThan"/>
+      </EntityCondition></ByEntityCondition>"""
 
 
 def _group(number: int, count: int, random: Random) -> str:
@@ -60,8 +63,10 @@ def _group(number: int, count: int, random: Random) -> str:
             else _distance(f"V{number}", f"V{(number + LANES) % count}", 10.0 + 5.0 * index)
         )
         events += _event(f"E{number}_{index}", action, trigger)
-    return f"""<ManeuverGroup name="G{number}" maximumExecutionCount="1"><Actors selectTriggeringEntities="false">
-      <EntityRef entityRef="V{number}"/></Actors><Maneuver name="M{number}">{events}</Maneuver></ManeuverGroup>"""
+    return f"""<ManeuverGroup name="G{number}" maximumExecutionCount="1">
+      <Actors selectTriggeringEntities="false">
+      <EntityRef entityRef="V{number}"/></Actors><Maneuver name="M{number}">{events}</Maneuver>
+      </ManeuverGroup>"""
 
 
 def write_traffic(folder: Path, count: int) -> Path:
@@ -72,17 +77,25 @@ def write_traffic(folder: Path, count: int) -> Path:
     )
     privates = ""
     for number in range(count):
-        where = f'<LanePosition roadId="1" laneId="{-1 - number % LANES}" s="{50.0 + 40.0 * (number // LANES)}"/>'
-        teleport = f"<PrivateAction><TeleportAction><Position>{where}</Position></TeleportAction></PrivateAction>"
-        privates += f'<Private entityRef="V{number}">{teleport}{_speed(25.0 + number * 7 % 5, 0.0)}</Private>'
+        where = (
+            f'<LanePosition roadId="1" laneId="{-1 - number % LANES}" '
+            f's="{50.0 + 40.0 * (number // LANES)}"/>'
+        )
+        position = f"<Position>{where}</Position>"
+        teleport = f"<PrivateAction><TeleportAction>{position}</TeleportAction></PrivateAction>"
+        speed = _speed(25.0 + number * 7 % 5, 0.0)
+        privates += f'<Private entityRef="V{number}">{teleport}{speed}</Private>'
     path = folder / f"traffic{count}.xosc"
     path.write_text(
         f"""<OpenSCENARIO>
-    <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="benchmark" description="traffic"/>
+    <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="benchmark"
+    description="traffic"/>
     <CatalogLocations/><RoadNetwork><LogicFile filepath="road.xodr"/></RoadNetwork>
     <Entities>{"".join(_car(f"V{number}") for number in range(count))}</Entities>
     <Storyboard><Init><Actions>{privates}</Actions></Init>
-    <Story name="S"><Act name="A">{"".join(_group(number, count, random) for number in range(count))}
+    <Story name="S"><Act name="A">{
+            "".join(_group(number, count, random) for number in range(count))
+        }
     <StartTrigger/></Act></Story><StopTrigger/></Storyboard></OpenSCENARIO>""",
         encoding="utf-8",
     )
@@ -98,7 +111,8 @@ def main() -> None:
     parser.add_argument("--counts", default="10,60,300,1000")
     given = parser.parse_args()
     print(
-        "participants  events  kinematic ms/step  µs/participant  SUMO ms/step  bare libsumo ms/step  SUMO/bare"
+        "participants  events  kinematic ms/step  µs/participant  SUMO ms/step  bare libsumo "
+        "ms/step  SUMO/bare"
     )
     for count in map(int, given.counts.split(",")):
         with tempfile.TemporaryDirectory() as folder:
@@ -115,7 +129,8 @@ def main() -> None:
             steps = min(given.steps, 100)
             alone = fmean(bare(path, moves_of(path, steps, TIMESTEP), TIMESTEP))
         print(
-            f"{count:12d} {EVENTS * count:7d} {1e3 * kinematic:18.3f} {1e6 * kinematic / count:15.2f} "
+            f"{count:12d} {EVENTS * count:7d} {1e3 * kinematic:18.3f} "
+            f"{1e6 * kinematic / count:15.2f} "
             f"{1e3 * sumo:13.3f} {1e3 * alone:21.3f} {sumo / alone:10.2f}"
         )
 

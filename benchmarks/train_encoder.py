@@ -30,7 +30,7 @@ PAPER = 43_800
 
 def main() -> None:
     """Print times, accuracies, probes and confusions."""
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("recordings", type=Path, help="folder of recordings or of windows")
     arguments.add_argument("--preset", choices=PRESETS, default="cpu")
     arguments.add_argument("--events", type=int, default=2600, help="of each class, at most")
@@ -60,7 +60,8 @@ def main() -> None:
     scale = PAPER / len(known)
     print(f"{len(known)} windows to train with; times are for {PAPER}")
     print(
-        f"pretraining {scale * (pretrained - start):.0f} s, fine-tuning {scale * (tuned - pretrained):.0f} s"
+        f"pretraining {scale * (pretrained - start):.0f} s, fine-tuning "
+        f"{scale * (tuned - pretrained):.0f} s"
     )
     print(f"features of {speed:.0f} windows/s")
 
@@ -85,7 +86,8 @@ def _confusion(truth: IntArray, found: IntArray) -> None:
         wrong, counts = np.unique(mine[mine != label], return_counts=True)
         most = [f"{Label(wrong[k]).title} {counts[k]}" for k in counts.argsort()[::-1][:3]]
         print(
-            f"{label:>4} {Label(label).title:<28}{len(mine):>6}{(mine == label).mean():>7.3f}  {', '.join(most)}"
+            f"{label:>4} {Label(label).title:<28}{len(mine):>6}{(mine == label).mean():>7.3f}  "
+            f"{', '.join(most)}"
         )
 
 

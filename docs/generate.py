@@ -152,7 +152,10 @@ def index_page(packages: Iterable[str]) -> str:
         for name in packages
     ]
     commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
-    measured = "- [Measures](measures.md): criticality of a run, in results, tables, reports and `--fail-if`"
+    measured = (
+        "- [Measures](measures.md): criticality of a run, in results, tables, "
+        "reports and `--fail-if`"
+    )
     proven = "- [Evidence](evidence.md): numbers without which a run is inconclusive, and `--least`"
     lines = [commands, measured, proven, *lines]
     return (

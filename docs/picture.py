@@ -35,7 +35,8 @@ _STEP = re.compile(r"^(\d+)\. (.*?)(?=^\d+\. |\Z)", re.DOTALL | re.MULTILINE)
 _STYLE = """
   text { font: 13px system-ui, "DejaVu Sans", sans-serif; fill: #1f2328 }
   .name { font-weight: 600; font-size: 16px } .small { fill: #59636e; font-size: 12px }
-  .paper { fill: #ffffff } .floor { fill: #eef1f4 } .room { fill: #ffffff; stroke: #8b949e } .study { stroke-dasharray: 4 3 }
+  .paper { fill: #ffffff } .floor { fill: #eef1f4 } .room { fill: #ffffff; stroke: #8b949e }
+  .study { stroke-dasharray: 4 3 }
   .way0 { fill: #0b5cad } .way1 { fill: #b04a00 } .way2 { fill: #7a3db8 }
   .step { fill: #ffffff; font-size: 11px; font-weight: 600; text-anchor: middle }
   @media (prefers-color-scheme: dark) {
@@ -103,7 +104,10 @@ def picture(text: str) -> str:
         y += height + _GAP
     parts += _legend(found, y + 20)
     height = y + 20 + 24 * len(found) + 6
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" width="{_WIDTH}" height="{height}">'
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" '
+        f'width="{_WIDTH}" height="{height}">'
+    )
     paper = f'<rect class="paper" width="{_WIDTH}" height="{height}" rx="8"/>'
     return "\n".join([head, f"<style>{_STYLE}\n</style>", paper, *parts, "</svg>", ""])
 
@@ -146,7 +150,10 @@ def _package(
         for room in row:
             length = _length(package, room, marked)
             kind = "room study" if room == "study" else "room"
-            yield f'<rect class="{kind}" x="{at}" y="{top}" width="{length}" height="{_ROOM}" rx="4"/>'
+            yield (
+                f'<rect class="{kind}" x="{at}" y="{top}" width="{length}" '
+                f'height="{_ROOM}" rx="4"/>'
+            )
             yield f'<text x="{at + 9}" y="{top + 19}">{room}</text>'
             steps = marked.get(f"{package}.{room}", [])
             yield from _marks(steps, at + length - _DOT * len(steps) + 5, top + _ROOM // 2)
@@ -172,7 +179,10 @@ def _mark(way: int, text: str, x: int, y: int) -> Iterator[str]:
 def _legend(found: list[Way], y: int) -> Iterator[str]:
     for way, (title, steps) in enumerate(found):
         yield from _mark(way, "1", _MARGIN + 12, y + 24 * way - 4)
-        yield f'<text x="{_MARGIN + 30}" y="{y + 24 * way}">{escape(title.replace("`", ""))}: {len(steps)} steps</text>'
+        yield (
+            f'<text x="{_MARGIN + 30}" y="{y + 24 * way}">{escape(title.replace("`", ""))}: '
+            f"{len(steps)} steps</text>"
+        )
     note = "Imports lead downward only. Dashed: experiments, which nothing imports."
     yield f'<text class="small" x="{_LEFT + 260}" y="{y}">{note}</text>'
 

@@ -45,7 +45,8 @@ _FLAGS = (
 )
 _SECONDS = 5
 """Time that a page has for drawing, s"""
-_SVG = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="monospace" font-size="14">
+_SVG = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"
+      font-family="monospace" font-size="14">
 <rect width="100%" height="100%" rx="8" fill="#161b22"/>
 {lines}
 </svg>
@@ -80,7 +81,8 @@ def catalogue(folder: Path) -> None:
 def search(folder: Path) -> None:
     """The first screen of a search's report."""
     call(
-        "xosc-generate cut_in_highway --sut cas --budget 120 --pin Ego_Speed_mps=36 --out edge_cases",
+        "xosc-generate cut_in_highway --sut cas --budget 120 --pin "
+        "Ego_Speed_mps=36 --out edge_cases",
         folder,
     )
     _shot((folder / "edge_cases" / "report.html").as_uri(), PICTURES / "search.png", (1100, 640))

@@ -12,7 +12,9 @@ from generation.search.outcomes import Outcomes, joined
 from schemas.common.array_types import FloatArray
 
 SEARCHED = 0.7
-"""Share of the time after which nothing more is sought: edge cases are chosen and written in the rest"""
+"""Share of the time after which nothing more is sought: edge cases are chosen
+and written in the rest
+"""
 _MINUTE, _PART = 60.0, 50
 _BLOCK = 1024
 """Points that drivers run between two looks at the clock"""

@@ -88,18 +88,26 @@ from schemas.common.terminal.text import many
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
 _REPLAYED = 30, 300
-"""Least and most replays of recorded units that a density is measured by; without plays; between them a tenth of the budget"""
+"""Least and most replays of recorded units that a density is measured by; without plays; between
+them a tenth of the budget
+"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
-"""Replays, and draws, that are played to measure a density for each run of the budget, and how many at most"""
+"""Replays, and draws, that are played to measure a density for each run of the
+budget, and how many at most
+"""
 _ONE_BY_ONE = 40
-"""Plays for each run of the budget of a system that is asked run by run, which costs as much as a run of it"""
+"""Plays for each run of the budget of a system that is asked run by run, which
+costs as much as a run of it
+"""
 _GATED, _GATED_FIRST = 0.2, 250
 """Share of the time that is left which measuring a density takes, and replays, and draws, that are
 played at first"""
 _GATED_UNTIL = 0.4
 """Share of the time after which nothing more is replayed one by one"""
 _DRAWN = 30, 0.25
-"""Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
+"""Least number of unguided draws, and share of the budget that they are where that is more; never
+more than half of the budget
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,7 +406,8 @@ class _Work:
             space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
         )
         generated = Generated(
-            space, asked.real, asked.prior, history, every, cases, files, self._gate, runs.reused, rate,
+            space, asked.real, asked.prior, history, every, cases, files, self._gate, runs.reused,
+            rate,
             runs.damaged + draws.damaged + self._more.damaged, statement=statement,
             plays=self._screen.played - self._measured if self._screen is not None else 0,
             draws=self.unseen,
@@ -415,14 +424,17 @@ class _Work:
         return generated
 
     def _bound(self, every: Episodes, cut: bool) -> DrawnBound | None:
-        """Draw until the bound holds that `settings.until` asks for; None where it asks for none."""
+        """Draw until the bound holds that `settings.until` asks for; None where
+        it asks for none.
+        """
         asked, until = self._asked, self._asked.settings.until
         if until is None or self._plays is None:
             return None
         failed = every.theta[every.outcomes.executed & every.outcomes.collision]
         return draws_until(
             until, asked.space, asked.prior, self._plays, self._refuting, failed,
-            asked.settings.seed, lambda: cut or self._clock.over, self._drawing(draws_needed(until)),
+            asked.settings.seed, lambda: cut or self._clock.over,
+            self._drawing(draws_needed(until)),
         )  # fmt: skip
 
     def _written(
@@ -460,7 +472,8 @@ class _Work:
 
 
 class _Course:
-    """Runs of a search: ends it when its time is over, and hands over what it has found after each so many runs.
+    """Runs of a search: ends it when its time is over, and hands over what it
+    has found after each so many runs.
 
     Args:
         evaluate: runs points. reward: of the problem. before: runs that the budget was spent on
@@ -542,7 +555,8 @@ def _gate(
     timed: TimedPlays | None,
     clock: SearchClock,
 ) -> Gate:
-    """Measure a density: by plays where these have the verdicts of all unguided draws, else by these draws and by runs.
+    """Measure a density: by plays where these have the verdicts of all unguided
+    draws, else by these draws and by runs.
 
     Recorded units have their own values of what is pinned, and so have the draws that are
     played.
@@ -616,7 +630,9 @@ def _played_gate(
 
 
 def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:
-    """The bound that draws (n, d) with these outcomes set on failures unlike those of the search."""
+    """The bound that draws (n, d) with these outcomes set on failures unlike
+    those of the search.
+    """
     return Statement.of(drawn, _unlike(space, sought, unguided))
 
 
@@ -638,12 +654,16 @@ def _unlike(space: Space, sought: Episodes, theta: FloatArray) -> BoolArray:
 
 
 def summary_file(scenario: Path) -> str:
-    """Name of the file, in a search's folder, that tells runs, draws and plays apart and states the bound."""
+    """Name of the file, in a search's folder, that tells runs, draws and plays
+    apart and states the bound.
+    """
     return f"{scenario.stem}_search.json"
 
 
 def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[str, Any]:
-    """Numbers of a search for programs: its system, runs by kind with their failures, the bound on failures not found."""
+    """Numbers of a search for programs: its system, runs by kind with their
+    failures, the bound on failures not found.
+    """
     sought, drawn = made.history.outcomes, made.statement
     return {
         "scenario": scenario.name,
@@ -707,7 +727,10 @@ def estimate_file(scenario: Path) -> str:
 def _reward(real: Recorded, settings: SearchSettings, scenario: Path) -> Reward:
     """The reward of a search, with realism by the density of recorded parameters."""
     if len(real.theta) < LEAST:
-        reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
+        reason = (
+            f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at "
+            f"least {LEAST} are needed"
+        )
         raise UsageError(reason, path=scenario)
     name = DEFAULT if settings.density == UNIFORM else settings.density
     realism = Realism.fitted(name, real.theta, real.recordings)

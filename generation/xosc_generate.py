@@ -1,4 +1,6 @@
-"""The command `xosc-generate`: a logical scenario or a catalogue becomes edge cases for a system under test."""
+"""The command `xosc-generate`: a logical scenario or a catalogue becomes edge
+cases for a system under test.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,8 @@ app = new_app()
 
 
 class Search(NamedTuple):
-    """A scenario to search, what gives the recorded parameters of its space, the folder for its files, the settings, and the
-    folder of another version's search."""
+    """A scenario to search, what gives the recorded parameters of its space, the folder for its
+    files, the settings, and the folder of another version's search."""
 
     scenario: Path
     recorded: Callable[[Space], Units]
@@ -96,7 +98,8 @@ def xosc_generate(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Search for edge cases of a logical scenario: collisions that traffic may cause and a careful driver prevents.
+    """Search for edge cases of a logical scenario: collisions that traffic may
+    cause and a careful driver prevents.
 
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence,
     the density of recorded parameters as a stochastic variation file, copies of all that they need
@@ -153,7 +156,8 @@ def _searches(
         return
     if ask.recordings is not None or ask.kind is not None or ask.maps:
         raise UsageError(
-            "a catalogue brings its recorded parameters along: --recorded, --kind, --map are for single scenarios"
+            "a catalogue brings its recorded parameters along: --recorded, --kind, --map are for "
+            "single scenarios"
         )
     catalogue = list(of_catalogue(source))
     if not catalogue:
@@ -183,7 +187,10 @@ def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
     if instead is None:
         return scenario.on(space)
     count = len(scenario.on(space).within(space).theta)
-    what = f"{count} of its class are recorded, {LEAST} make a density: that of the shipped units counts"
+    what = (
+        f"{count} of its class are recorded, {LEAST} make a density: that of the "
+        "shipped units counts"
+    )
     say(f"{NAME}: {scenario.path.name}: {what}", to=sys.stderr)
     return instead
 
@@ -191,7 +198,8 @@ def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
 def _found(
     search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool, clock: SearchClock
 ) -> ExitCode:
-    """Search one scenario; passed if there are edge cases, or with `--against`, if no failure has one of the fates.
+    """Search one scenario; passed if there are edge cases, or with `--against`,
+    if no failure has one of the fates.
 
     In a catalogue the next one follows where one can't be searched.
     """
@@ -249,11 +257,17 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
 
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
-    yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
+    yield (
+        f"{scenario.name}: {settings.method} against {settings.run.sut}, seed "
+        f"{settings.seed}{pinned and f', with {pinned}'}"
+    )
     errors, drawn = outcomes.error[outcomes.status == "error"], generated.statement
     if len(errors):
         yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
-    yield f"  {many(drawn.draws, 'unguided draw')} of the density: {many(drawn.failing, 'collision')}; {_prior(generated)}"
+    yield (
+        f"  {many(drawn.draws, 'unguided draw')} of the density: "
+        f"{many(drawn.failing, 'collision')}; {_prior(generated)}"
+    )
     chosen = f", chosen by {many(generated.plays, 'play')}" if generated.plays else ""
     if len(outcomes):
         collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()
@@ -261,12 +275,17 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     elif generated.cut:
         yield f"  no sought runs{chosen}: the time was over before"
     else:
-        yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
+        yield (
+            f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
+        )
     yield from _course(generated, settings)
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     if generated.damaged:
-        yield f"  removed {many(generated.damaged, 'damaged record')} of runs before: made anew where needed"
+        yield (
+            f"  removed {many(generated.damaged, 'damaged record')} of runs before: made anew "
+            "where needed"
+        )
     yield f"  {generated.gate}"
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
@@ -290,7 +309,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  of these, reference drivers survive: {survived}"
     if cases.agreed:
         judges = ", ".join(cases.judges)
-        yield f"  judges were run ({judges}), and all their {cases.agreed} verdicts are those of plays, in which the other drivers drove"
+        yield (
+            f"  judges were run ({judges}), and all their {cases.agreed} verdicts are those of "
+            "plays, in which the other drivers drove"
+        )
     yield f"  {generated.stated}"
     if generated.bound is not None:
         yield f"  {generated.bound}"
@@ -299,7 +321,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
-        yield f"  and {many(len(generated.files) - _LISTED, 'more file')} in {generated.files[0].parent}"
+        yield (
+            f"  and {many(len(generated.files) - _LISTED, 'more file')} in "
+            f"{generated.files[0].parent}"
+        )
 
 
 def _course(generated: Generated, settings: SearchSettings) -> Iterator[str]:
@@ -310,9 +335,15 @@ def _course(generated: Generated, settings: SearchSettings) -> Iterator[str]:
     if generated.judged.judged:
         yield f"  {generated.judged}"
     if generated.cut:
-        yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
+        yield (
+            f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it "
+            "again to go on"
+        )
     elif guidance.saturated:
-        yield f"  ended before its budget of {budget}: nothing failed for long that is unlike known failures"
+        yield (
+            f"  ended before its budget of {budget}: nothing failed for long that is "
+            "unlike known failures"
+        )
 
 
 def _nothing(generated: Generated) -> str:
@@ -329,7 +360,10 @@ def _nothing(generated: Generated) -> str:
     foreseeable = (
         generated.prior.foreseeable(generated.history.theta[colliding]).sum() if judged else 0
     )
-    return f"collisions: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a careful driver: 0"
+    return (
+        f"collisions: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a "
+        "careful driver: 0"
+    )
 
 
 def _prior(generated: Generated) -> str:

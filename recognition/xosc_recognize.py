@@ -1,4 +1,6 @@
-"""The command `xosc-recognize`: catalogues and replays of recordings, labels of runs, recordings of SUMO's traffic, training."""
+"""The command `xosc-recognize`: catalogues and replays of recordings, labels of runs, recordings of
+SUMO's traffic, training.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ class Sorting:
 
     labels: str = option(
         "auto",
-        "Who sorts: the rules, with a model only where --model, --discover or --keep-model asks for one (auto); the model in"
+        "Who sorts: the rules, with a model only where --model, --discover or --keep-model asks "
+        "for one (auto); the model in"
         " any case; or the rules, without a model.",
         type=Literal["auto", "model", "rules"],
     )
@@ -81,7 +84,8 @@ class ScenarioFormat:
     )
     columns: Path | None = option(
         None,
-        "Names, units and frame of the columns of tables, TOML.  [default: columns.toml beside each]",
+        "Names, units and frame of the columns of tables, TOML.  [default: "
+        "columns.toml beside each]",
         metavar="FILE",
     )
     standard: str = option(
@@ -189,7 +193,8 @@ def replay(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]",
+            help="Participant that becomes the ego.  [default: the recording's, or the one there "
+            "for longest]",
         ),
     ] = None,
     raw: Annotated[
@@ -346,7 +351,8 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         from recognition.recordings.source import named
 
         say(
-            f"{NAME}: {len(summary.skipped)} files are of no known format: {named(summary.skipped)}",
+            f"{NAME}: {len(summary.skipped)} files are of no known format: "
+            f"{named(summary.skipped)}",
             to=sys.stderr,
         )
     for error in summary.failures.values():
@@ -376,7 +382,8 @@ def inspect(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Check whether recordings are possible: a verdict for each (fit, repaired, refused), a quality from 0 to 1, and reasons.
+    """Check whether recordings are possible: a verdict for each (fit, repaired, refused), a quality
+    from 0 to 1, and reasons.
 
     Checked are the step of the clock against speeds and places, speeds by category, overlaps of
     vehicles, missing frames, ids used twice, sizes, headings, and the map: the share of places on
@@ -441,7 +448,9 @@ def record(
     ] = False,
     _version: Version = False,
 ) -> None:
-    """Record SUMO's traffic on maps of our own, in the formats of highD (motorways) and INTERACTION (all else)."""
+    """Record SUMO's traffic on maps of our own, in the formats of highD
+    (motorways) and INTERACTION (all else).
+    """
     from rich.console import Console
     from rich.progress import Progress
 
@@ -461,7 +470,8 @@ def record(
 
 _DEFAULT = "catalogue"
 _EPILOG = (
-    f"{NAME} PATH... --out DIR is short for {NAME} {_DEFAULT} PATH... --out DIR; a folder with the name of a command is given as "
+    f"{NAME} PATH... --out DIR is short for {NAME} {_DEFAULT} PATH... --out DIR; a folder with "
+    "the name of a command is given as "
     f"./NAME, or after {_DEFAULT}. Experiments: python -m studies.recognition. "
 ) + exit_codes("all recordings are in the catalogue", "")
 _FORMATS = ", ".join(packages.described("recognition.recordings.formats", "TITLE").values())
@@ -482,7 +492,9 @@ app = new_app(NAME, _CatalogueByDefault)
 
 @app.callback(epilog=_EPILOG)
 def xosc_recognize(_version: Version = False) -> None:
-    """Inspect recordings, make catalogues or replays of them, label runs, record traffic, train models; each has --help."""
+    """Inspect recordings, make catalogues or replays of them, label runs, record
+    traffic, train models; each has --help.
+    """
 
 
 app.command(_DEFAULT, help=_CATALOGUE)(catalogue)

@@ -94,7 +94,8 @@ class Recording:
 
     Example:
         >>> import xosc_toolchain as xt
-        >>> recording = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0).recording
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0)
+        >>> recording = result.recording
         >>> sorted(recording.tracks)
         ['CutIn', 'Ego']
     """

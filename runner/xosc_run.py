@@ -54,7 +54,8 @@ Files = Annotated[
     typer.Argument(
         metavar="PATH...",
         autocompletion=complete_name,
-        help="Scenarios, and distributions: every parameter set is run; folders, globs, names of shipped ones.",
+        help="Scenarios, and distributions: every parameter set is run; folders, globs, names of "
+        "shipped ones.",
     ),
 ]
 
@@ -65,7 +66,9 @@ Files = Annotated[
 def xosc_run(
     files: Files, settings: RunSettings, batch: BatchOptions, _version: Version = False
 ) -> None:
-    """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
+    """Run OpenSCENARIO files on SUMO, by default against an ego with a collision
+    avoidance system.
+    """
     from runner.batch.batch import BatchComparison, runnable
     from runner.batch.jobs import jobs_of
     from runner.batch.outputs.terminal import OutcomeTable

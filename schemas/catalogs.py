@@ -227,7 +227,10 @@ class Catalogs:
             self._remarks.add(Remark(ENTRIES, text, str(self._scenario)))
         if not matching:
             hint = nearest(name, [entry.name for entry in entries])
-            message = f"the catalogue {quoted(catalog)} has no {' or '.join(kinds)} {quoted(name)}, {hint}"
+            message = (
+                f"the catalogue {quoted(catalog)} has no {' or '.join(kinds)} "
+                f"{quoted(name)}, {hint}"
+            )
             raise NoEntry(message, found.incomplete)
         return matching[0]
 
@@ -287,7 +290,8 @@ def missing(directory: Path, place: str = "") -> str:
     """Return the message for a catalogue directory that does not exist, with the place that names
     it."""
     return (
-        f"the directory {directory}{place} does not exist or can't be read: put it there, or name the folder that has it with "
+        f"the directory {directory}{place} does not exist or can't be read: put it there, or name "
+        "the folder that has it with "
         f"--catalog-path (or in {VARIABLE})"
     )
 

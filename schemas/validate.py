@@ -141,7 +141,10 @@ def _unexpected(child: etree._Element, error: Any) -> str:
     plugin = of_element(local_name(child))
     if plugin is not None:
         # A name of the standard that is like it would be a wrong suggestion: this one is meant.
-        return f"the element {local_name(child)} is of {told(plugin)}; no version of the standard has it"
+        return (
+            f"the element {local_name(child)} is of {told(plugin)}; no version "
+            "of the standard has it"
+        )
     names = sorted(
         {
             str(particle.local_name)
@@ -169,7 +172,10 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
         _MEANINGS.get(member.local_name or "", member.local_name or "another value")
         for member in reversed(members)
     ]
-    return f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: {' or '.join(forms)} is expected"
+    return (
+        f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: "
+        f"{' or '.join(forms)} is expected"
+    )
 
 
 def _logged(tree: etree._ElementTree, compiled: etree.XMLSchema) -> list[Violation]:

@@ -66,7 +66,8 @@ def xosc_check(
         READ,
         typer.Argument(
             metavar="PATH...",
-            help="Files, folders with all below, globs, names of shipped scenarios; - is standard input.",
+            help="Files, folders with all below, globs, names of shipped scenarios; "
+            "- is standard input.",
         ),
     ],
     format: Annotated[

@@ -1,4 +1,6 @@
-"""The commands of the package as tests call them; the fixture `command` of tests/conftest.py gives one."""
+"""The commands of the package as tests call them; the fixture `command` of
+tests/conftest.py gives one.
+"""
 
 from __future__ import annotations
 
@@ -30,5 +32,7 @@ def main(name: str) -> Callable[[], None]:
 
 
 def as_of_a_terminal() -> None:
-    """Before a process begins: let it end by Ctrl-C, which shells take from what they start beside them."""
+    """Before a process begins: let it end by Ctrl-C, which shells take from what
+    they start beside them.
+    """
     signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -19,7 +19,8 @@ settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
-# Read when numpy and torch are loaded. Tests run in processes beside each other: more threads in each would only spin.
+# Read when numpy and torch are loaded. Tests run in processes beside each
+# other: more threads in each would only spin.
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
@@ -28,7 +29,9 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Import all tests without looking for garbage, a sixth of that time, and leave what they hold out of every later search."""
+    """Import all tests without looking for garbage, a sixth of that time, and leave what they hold
+    out of every later search.
+    """
     gc.disable()
     try:
         return (yield)
@@ -95,7 +98,9 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 @pytest.fixture(scope="session")
 def corpora() -> Path:
-    """Public scenario libraries (ALKS, Euro NCAP 2023, esmini), present in development and CI only."""
+    """Public scenario libraries (ALKS, Euro NCAP 2023, esmini), present in
+    development and CI only.
+    """
     return _shared("corpora")
 
 

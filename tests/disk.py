@@ -1,4 +1,5 @@
-"""A disk that fails: tests watch the operations by which something below a folder is written, and let one of them fail.
+"""A disk that fails: tests watch the operations by which something below a
+folder is written, and let one of them fail.
 
 Operations without an effect, as making a folder that is there, don't count.
 """
@@ -115,7 +116,8 @@ class Failure:
 
 
 class Disk:
-    """What of a folder is on the disk: contents of files as they were last synced, and of folders their names.
+    """What of a folder is on the disk: contents of files as they were last
+    synced, and of folders their names.
 
     What is there at the beginning is on the disk.
     """
@@ -133,7 +135,8 @@ class Disk:
             self._note(Path(os.readlink(f"/proc/self/fd/{file}")))
 
     def pictures(self, target: Path) -> dict[str, Path]:
-        """Make folders of what would be left if the machine went down now, or the process was killed, by the kind of loss.
+        """Make folders of what would be left if the machine went down now, or the process was
+        killed, by the kind of loss.
 
         Of a machine only what was synced is left, or names without contents that were not synced.
         """

@@ -1,4 +1,5 @@
-"""A seeded mutator of scenario files: what a careless or hostile author might write, in the scenario or in what it refers to.
+"""A seeded mutator of scenario files: what a careless or hostile author might write, in the
+scenario or in what it refers to.
 
 The same source, seed and number give the same mutant. A mutant is written with everything that its
 scenario refers to, in the same arrangement, so that its references lead where they led.
@@ -63,12 +64,17 @@ VALUES = (
         "%s%n{0}",
     ),
 )
-BOMB = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]>'
+BOMB = (
+    '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c '
+    '"&b;&b;&b;&b;&b;&b;&b;&b;">]>'
+)
 EXTERNAL = '<!DOCTYPE a [<!ENTITY c SYSTEM "file:///etc/passwd">]>'
 
 
 class Source(NamedTuple):
-    """A scenario file or parameter value distribution, and the files that it refers to, directly or not (itself first)."""
+    """A scenario file or parameter value distribution, and the files that it
+    refers to, directly or not (itself first).
+    """
 
     path: Path
     files: tuple[Path, ...]
@@ -85,7 +91,9 @@ class Mutant(NamedTuple):
 
 
 def sources(folders: Iterable[Path]) -> list[Source]:
-    """All scenarios and distributions below folders; catalogues are mutated with the scenarios that use them."""
+    """All scenarios and distributions below folders; catalogues are mutated with
+    the scenarios that use them.
+    """
     paths = [path for folder in folders for path in sorted(folder.rglob("*.xosc"))]
     return [
         Source(path, tuple(_closure(path)))
@@ -123,7 +131,9 @@ def _references(path: Path) -> Iterator[Path]:
 
 
 def write_mutant(source: Source, folder: Path, random: Random) -> Mutant:
-    """Write a mutant into a new folder: up to three changes to one of the source's files, mostly the scenario itself."""
+    """Write a mutant into a new folder: up to three changes to one of the
+    source's files, mostly the scenario itself.
+    """
     base = Path(os.path.commonpath([path.parent for path in source.files]))
     for path in source.files:
         target = folder / path.relative_to(base)
@@ -251,7 +261,9 @@ def _set_number(root: etree._Element, random: Random) -> str:
 
 
 def _exchange_values(root: etree._Element, random: Random) -> str:
-    """Give an attribute the value of another one: references to the wrong kind of thing, words for numbers."""
+    """Give an attribute the value of another one: references to the wrong kind
+    of thing, words for numbers.
+    """
     (element, name), (other, source) = _attribute(root, random), _attribute(root, random)
     element.set(name, other.get(source, ""))
     return f"{element.tag}/@{name} = {other.get(source, '')[:40]!r}"
@@ -307,7 +319,9 @@ def _parameter_cycle(root: etree._Element, random: Random) -> str:
 
 
 def _catalogue_cycle(root: etree._Element, random: Random) -> str:
-    """Let a catalogue's entry hold a reference to itself; in a scenario, let one element refer to a wrong entry."""
+    """Let a catalogue's entry hold a reference to itself; in a scenario, let one
+    element refer to a wrong entry.
+    """
     references = [e for e in _elements(root) if e.tag == "CatalogReference"]
     catalogue = root.find("Catalog")
     if catalogue is not None and len(catalogue):

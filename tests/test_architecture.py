@@ -1,4 +1,6 @@
-"""The rooms of the house: imports go down the floors and never in circles, products know no study, files are subjects."""
+"""The rooms of the house: imports go down the floors and never in circles,
+products know no study, files are subjects.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ ROOMS = {
     "recognition": "recordings recorder scenes labels trfe catalogue xosc_recognize",
     "generation": "space search clock estimation pipeline report loop xosc_generate",
 }
-"""Rooms of each package, the lowest first; one imports those before it only. Where rooms are named in strings, that counts."""
+"""Rooms of each package, the lowest first; one imports those before it only.
+Where rooms are named in strings, that counts.
+"""
 OF_KINDS = {"xosc/exports": "one module a target", "schemas/common": "used by all, knows none"}
 """Rooms that are lists of kinds or tools"""
 BESIDE_ROOMS = {"runner.recording": "who was where when; the engine writes it, all others read it"}
@@ -78,7 +82,9 @@ def _name(path: Path) -> str:
 
 
 def _imported(path: Path, modules: object) -> set[str]:
-    """Names of modules that a file imports; `from a.b import c` is the module a.b.c where there is one, else a.b."""
+    """Names of modules that a file imports; `from a.b import c` is the module
+    a.b.c where there is one, else a.b.
+    """
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -94,7 +100,9 @@ def _target(name: str, modules: object) -> str:
 
 
 def circles(graph: dict[str, frozenset[str]]) -> list[list[str]]:
-    """Groups of modules that import each other, directly or over others (strongly connected components, after Kosaraju)."""
+    """Groups of modules that import each other, directly or over others (strongly connected
+    components, after Kosaraju).
+    """
     order: list[str] = []
     seen: set[str] = set()
 
@@ -168,7 +176,9 @@ def test_floors_import_only_lower_floors() -> None:
 
 @cache
 def arrows() -> dict[str, frozenset[str]]:
-    """The modules of all packages, each with those that it imports or names in a string (`import_module`, plug-ins)."""
+    """The modules of all packages, each with those that it imports or names in a string
+    (`import_module`, plug-ins).
+    """
     modules = imports().keys()
     named = {name: _named(_file(name), modules) for name in modules}
     return {name: imports()[name] | named[name] - {name} for name in modules}
@@ -316,12 +326,16 @@ def test_modules_of_commands_are_commands_themselves() -> None:
 
 
 PROCESSES = {
-    "runner.batch.pool": "makes them: jobs without an end, tasks in order, on this machine or by Ray",
+    "runner.batch.pool": (
+        "makes them: jobs without an end, tasks in order, on this machine or by Ray"
+    ),
     "generation.loop.searches": "keeps one for each target, which has its densities at hand",
     "xosc_toolchain.xosc_explore": "keeps one that answers a page",
     "studies.recognition.protocol.processes": "looks at the store while seeds are worked on",
 }
-"""Modules that hand work to processes by themselves, each with the reason; others use `runner.batch.pool`"""
+"""Modules that hand work to processes by themselves, each with the reason;
+others use `runner.batch.pool`
+"""
 
 
 def test_work_goes_to_processes_by_one_module() -> None:

@@ -1,4 +1,6 @@
-"""Bad input of every kind: a run, or one clear line and the right exit code; see `benchmarks/fuzz.py` for thousands more."""
+"""Bad input of every kind: a run, or one clear line and the right exit code; see
+`benchmarks/fuzz.py` for thousands more.
+"""
 
 from __future__ import annotations
 
@@ -92,15 +94,24 @@ def a_pipe(folder: Path) -> Path:
 def catalogue_cycle(folder: Path) -> Path:
     """A vehicle that is its own trailer."""
     entry = car("Loop").replace('<ScenarioObject name="Loop">', "").replace("</ScenarioObject>", "")
-    loop = '<TrailerHitch dx="0"/><Trailer><CatalogReference catalogName="loops" entryName="car"/></Trailer></Vehicle>'
+    loop = (
+        '<TrailerHitch dx="0"/><Trailer><CatalogReference catalogName="loops" '
+        'entryName="car"/></Trailer></Vehicle>'
+    )
     catalogue = f'<Catalog name="loops">{entry.replace("</Vehicle>", loop)}</Catalog>'
     (folder / "catalogs").mkdir()
     (folder / "catalogs" / "loops.xosc").write_text(
         f"<OpenSCENARIO>{HEADER}{catalogue}</OpenSCENARIO>"
     )
     path = scenario(folder, "bad")
-    locations = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
-    looping = '<ScenarioObject name="Loop"><CatalogReference catalogName="loops" entryName="car"/></ScenarioObject></Entities>'
+    locations = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    )
+    looping = (
+        '<ScenarioObject name="Loop"><CatalogReference catalogName="loops" '
+        'entryName="car"/></ScenarioObject></Entities>'
+    )
     path.write_text(
         path.read_text().replace("<CatalogLocations/>", locations).replace("</Entities>", looping)
     )
@@ -235,7 +246,10 @@ def test_a_file_that_is_too_large_is_refused_by_its_size(tmp_path: Path) -> None
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     limit = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({MAX_BYTES}, {MAX_BYTES})); "
-    code = f"{limit}import sys; sys.argv = ['xosc-run', {str(path)!r}]; from runner.xosc_run import main; main()"
+    code = (
+        f"{limit}import sys; sys.argv = ['xosc-run', {str(path)!r}]; from runner.xosc_run import "
+        "main; main()"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )

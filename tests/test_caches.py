@@ -13,15 +13,23 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "xosc_toolchain")
 PROGRAM = "program"
-"""Key: names of modules, types or versions. The entry is a fact about installed code, which a process does not change."""
+"""Key: names of modules, types or versions. The entry is a fact about installed
+code, which a process does not change.
+"""
 VALUE = "value"
 """Key: all inputs of a pure function."""
 FILE = "file"
-"""Key: path and stamp (time of change, size, inode). A changed file has another stamp, so that it is read again."""
+"""Key: path and stamp (time of change, size, inode). A changed file has another
+stamp, so that it is read again.
+"""
 OBJECT = "object"
-"""Key: an object that does not change once it is built. The size is bounded, so that a cache does not keep all of them."""
+"""Key: an object that does not change once it is built. The size is bounded, so
+that a cache does not keep all of them.
+"""
 INPUTS = "inputs"
-"""Key: paths that one command reads. They are read once per process; a command does not read what it has written."""
+"""Key: paths that one command reads. They are read once per process; a command
+does not read what it has written.
+"""
 CACHES = {
     "recognition.catalogue.recordings._loaded": FILE,
     "recognition.catalogue.recordings._material": OBJECT,

@@ -1,4 +1,6 @@
-"""What other repositories are offered for their CI: hooks and workflow parse, and their commands do what they say."""
+"""What other repositories are offered for their CI: hooks and workflow parse,
+and their commands do what they say.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scrip
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    """Somebody's scenarios under git: one of the library with its road and catalogue, laid out in their way."""
+    """Somebody's scenarios under git: one of the library with its road and
+    catalogue, laid out in their way.
+    """
     folder = tmp_path / "repository"
     library = ROOT / "xosc" / "library"
     shutil.copytree(library / "catalogs", folder / "catalogs")
@@ -40,7 +44,9 @@ def repository(tmp_path: Path) -> Path:
 
 
 def call(command: str | list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command line (in a shell, where it is a text) with this environment's commands on the path."""
+    """Run a command line (in a shell, where it is a text) with this
+    environment's commands on the path.
+    """
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     shell = isinstance(command, str)
     arguments = ["bash", "-e", "-c", command] if shell else command

@@ -1,4 +1,6 @@
-"""The comparison of two versions over foreign files: equal ones are silent, each kind of change is named."""
+"""The comparison of two versions over foreign files: equal ones are silent, each
+kind of change is named.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Same scenario, parameters and seed: the same bytes, however many processes work and whatever ran before."""
+"""Same scenario, parameters and seed: the same bytes, however many processes
+work and whatever ran before.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ STOCHASTIC = SCENARIOS / "NormalDistribution.xosc"
 
 
 def tables(folder: Path, seed: int, processes: int) -> dict[str, bytes]:
-    """What each run of a batch writes, by name; two files of traffic first and last, so that something ran before."""
+    """What each run of a batch writes, by name; two files of traffic first and
+    last, so that something ran before.
+    """
     files = [TRAFFIC, CUT_IN, RANDOM_ROUTE, STOCHASTIC, TRAFFIC]
     outcomes = list(
         run_batch(

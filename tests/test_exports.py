@@ -1,4 +1,6 @@
-"""The shipped library in every export: exported or refused by name, and the standard's versions with the same motion."""
+"""The shipped library in every export: exported or refused by name, and the
+standard's versions with the same motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The style of words: messages name the fault and the remedy in one short sentence; docstrings begin with a verb or a noun."""
+"""The style of words: messages name the fault and the remedy in one short sentence; docstrings
+begin with a verb or a noun.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ VALUE = "…"
 NAMES = re.compile(r"([A-Z][a-z]*[A-Z]\w*|[A-Z]{3,}\w*)('s)?\b|No-Maneuver")
 """Names of others, of elements and of files that a message may begin with."""
 BANNED = re.compile(
-    r"\b(told|wish|nobody|somebody|anybody|furniture|for want of|can not|cannot|please|sorry|oops)\b|!$",
+    r"\b(told|wish|nobody|somebody|anybody|furniture|for want of|can "
+    r"not|cannot|please|sorry|oops)\b|!$",
     re.I,
 )
 
@@ -79,12 +82,14 @@ MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).
 
 WRITTEN = (*PACKAGES, "benchmarks", "docs")
 OPENING = re.compile(
-    r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One who|Whoever|Nobody|Somebody|Everybody|As many|"
+    r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One "
+    r"who|Whoever|Nobody|Somebody|Everybody|As many|"
     r"Around|Why|Which|When|For files|For people|Some of|Until when)\b"
 )
 """Beginnings of docstrings that make a reader work out the noun that is meant."""
 PEOPLE = re.compile(
-    r"\b(nobody|somebody|everybody|anybody|whoever|whom|one who|those who|in vain|for ever|is told)\b",
+    r"\b(nobody|somebody|everybody|anybody|whoever|whom|one who|those who|in "
+    r"vain|for ever|is told)\b",
     re.I,
 )
 """Words for persons, where the field has a noun: entity, vehicle, ego, actor, partner, follower."""
@@ -95,7 +100,9 @@ OBLIQUE = re.compile(
 
 
 def docstrings(module: Path) -> Iterator[tuple[int, str]]:
-    """Line and text of the docstrings of a module, of its classes and functions, and of its constants and attributes."""
+    """Line and text of the docstrings of a module, of its classes and functions, and of its
+    constants and attributes.
+    """
     for node in ast.walk(ast.parse(module.read_text("utf-8"))):
         if (
             isinstance(node, ast.Expr)

@@ -1,4 +1,5 @@
-"""Removing a part that a later version made optional, or that a repair supplies, changes no trajectory.
+"""Removing a part that a later version made optional, or that a repair supplies,
+changes no trajectory.
 
 Scenarios of the house are sampled, and those of the public libraries where these are at hand.
 `XOSC_SAMPLE_SEED` draws others; `python -m benchmarks.optional_parts` tries all.

@@ -1,4 +1,6 @@
-"""Files and folders that commands write: what is missing above them is made, and what is in the way is one line."""
+"""Files and folders that commands write: what is missing above them is made, and
+what is in the way is one line.
+"""
 
 from __future__ import annotations
 

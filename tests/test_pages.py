@@ -1,4 +1,6 @@
-"""Scripts and styles of all pages are lines that can be read, parse, and define nothing that nobody uses."""
+"""Scripts and styles of all pages are lines that can be read, parse, and define
+nothing that nobody uses.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ _LONGEST = 130
 _AVOIDED = {
     r"\bvar\s+\w": "const or let",
     r"[^=!]==[^=]|!=[^=]": "=== and !==",
-    r"\binnerHTML\b|\bdocument\.write\b|\beval\b|\bnew Function\b": "text nodes: text from files must never become code",
+    r"\binnerHTML\b|\bdocument\.write\b|\beval\b|\bnew Function\b": (
+        "text nodes: text from files must never become code"
+    ),
     r"\bconsole\.|\bdebugger\b|\balert\(": "nothing that is left from debugging",
 }
 

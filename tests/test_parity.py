@@ -1,4 +1,6 @@
-"""A sample of public scenarios moves as in the reference player; docs/parity.md says where and why others do not."""
+"""A sample of public scenarios moves as in the reference player; docs/parity.md
+says where and why others do not.
+"""
 
 from __future__ import annotations
 

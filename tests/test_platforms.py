@@ -1,4 +1,6 @@
-"""What Windows and macOS do otherwise, simulated: their paths, processes that are spawned, modules that are not there."""
+"""What Windows and macOS do otherwise, simulated: their paths, processes that
+are spawned, modules that are not there.
+"""
 
 from __future__ import annotations
 
@@ -42,12 +44,16 @@ NOT_OF_OS = {
     "uname",
 }
 TEXTS = {"open": 1, "read_text": 0, "write_text": 1}
-"""What reads and writes texts, by the place of the argument before or at which the encoding is looked for."""
+"""What reads and writes texts, by the place of the argument before or at which
+the encoding is looked for.
+"""
 
 
 @cache
 def calls() -> list[tuple[str, str, ast.Call]]:
-    """What reads, writes or opens texts in all modules: where it is, what it is called, and the call."""
+    """What reads, writes or opens texts in all modules: where it is, what it is
+    called, and the call.
+    """
     return [
         (f"{module.relative_to(ROOT)}:{node.lineno}", called, node)
         for module in MODULES
@@ -143,7 +149,9 @@ def test_the_journal_of_a_batch_is_written_as_bytes(
 
 
 def test_nothing_needs_what_windows_lacks() -> None:
-    """What is not there is imported only where its absence is caught, and called only under POSIX."""
+    """What is not there is imported only where its absence is caught, and called
+    only under POSIX.
+    """
     found = []
     for module in MODULES:
         source = module.read_text("utf-8")

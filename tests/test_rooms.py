@@ -24,7 +24,9 @@ def test_every_room_lists_its_entries_with_an_example(package: str) -> None:
 
 
 REACH = {"schemas.xosc_check": 51, "runner.xosc_run": 156}
-"""Modules, without packages, that a command has loaded when it has done its work, a tenth more than measured on 2026-11-28"""
+"""Modules, without packages, that a command has loaded when it has done its
+work, a tenth more than measured on 2026-11-28
+"""
 WORK = {
     "schemas.xosc_check": ["xosc/library/simple_cut_in.xosc"],
     "runner.xosc_run": [
@@ -41,10 +43,13 @@ WITHOUT_PLUGINS = "--untrusted"
 
 
 def loaded_by(command: str) -> dict[str, bool]:
-    """Names of the modules that a command has loaded when it has done its work, and whether each is a package."""
+    """Names of the modules that a command has loaded when it has done its work,
+    and whether each is a package.
+    """
     program = (
         "import atexit, runpy, sys\n"
-        "found = lambda: {name: hasattr(module, '__path__') for name, module in sys.modules.items()}\n"
+        "found = lambda: {name: hasattr(module, '__path__') for name, module in "
+        "sys.modules.items()}\n"
         "atexit.register(lambda: print(found()))\n"
         f"sys.argv = {[command, *WORK[command], WITHOUT_PLUGINS]}\n"
         f"runpy.run_module({command!r}, run_name='__main__')\n"
@@ -61,7 +66,8 @@ NEEDED = {
     "runner.xosc_run": {"lxml", "numpy", "typer"},
 }
 """Packages from outside that a command needs for its work, with those that they load themselves"""
-OWN = {"annotated_doc", "cython_runtime", "elementpath", "shellingham", "rich", "pygments", "markdown_it", "mdurl",
+OWN = {"annotated_doc", "cython_runtime", "elementpath", "shellingham", "rich", "pygments",
+    "markdown_it", "mdurl",
        "xosc_toolchain"}  # fmt: skip
 """Those; pydantic, by which typer reads values, is a third of a start and not among them: see
 `schemas.common.terminal.options.PlainValues`"""

@@ -1,4 +1,6 @@
-"""A user's day: write, check, run, sweep, rank the worst, mend the controller, compare, search, replay, hand over a table."""
+"""A user's day: write, check, run, sweep, rank the worst, mend the controller, compare, search,
+replay, hand over a table.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ PARAMETERS = {"Ego_speed_kph": 50.0, "Overlap": 100.0}
 
 
 def write_system(limit: float) -> None:
-    """Save the controller in the working folder, as an editor does between two calls of a command."""
+    """Save the controller in the working folder, as an editor does between two
+    calls of a command.
+    """
     Path("day_driver.py").write_text(SYSTEM.format(limit=limit))
     sys.modules.pop("day_driver", None)
     invalidate_caches()

@@ -1,4 +1,6 @@
-"""A small program on the installed packages: a strict type checker must accept it, and know the type of what it returns."""
+"""A small program on the installed packages: a strict type checker must accept
+it, and know the type of what it returns.
+"""
 
 from pathlib import Path
 from typing import assert_type

@@ -1,4 +1,6 @@
-"""OpenSCENARIO XML documents of versions 1.0 to 1.4: reading, resolving, varying and writing them."""
+"""OpenSCENARIO XML documents of versions 1.0 to 1.4: reading, resolving, varying
+and writing them.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -74,7 +74,8 @@ def write_plugin(name: str, kinds: Sequence[str], folder: Path) -> list[Path]:
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
         raise UsageError(
-            f"{name!r} is no name of a package: small letters, digits and _ are; --out is the folder"
+            f"{name!r} is no name of a package: small letters, digits and _ "
+            "are; --out is the folder"
         )
     for kind in kinds:
         if kind not in KINDS:

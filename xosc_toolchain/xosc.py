@@ -1,4 +1,6 @@
-"""The command `xosc`: all commands of the package under one name, and their completion in shells."""
+"""The command `xosc`: all commands of the package under one name, and their
+completion in shells.
+"""
 
 from __future__ import annotations
 

@@ -122,7 +122,8 @@ def xosc_explore(
         list[Path],
         typer.Argument(
             metavar="FILE|FOLDER...",
-            help="A scenario or variation file, or the name of a shipped one; or a batch, search or catalogue, or several batches.",
+            help="A scenario or variation file, or the name of a shipped one; or a batch, search "
+            "or catalogue, or several batches.",
         ),
     ],
     settings: RunSettings,
@@ -146,7 +147,10 @@ def xosc_explore(
     Folders are shown with a question box, and each of their runs can be explored.
     """
     if current().untrusted:
-        told = "plays what a page asks for, until it is ended; play files of strangers by xosc-run --untrusted"
+        told = (
+            "plays what a page asks for, until it is ended; play files of strangers by "
+            "xosc-run --untrusted"
+        )
         raise UsageError(f"{NAME} {told}")
     settings = replace(settings, fail_if=tuple(fail_if or ()))
     site = ExploreSite(paths, settings, parameters_of(param or ()), out, jobs)
@@ -208,7 +212,10 @@ class ExploreSite:
         if all(table_of(path) is not None for path in paths):
             self.folder = Collection(paths)
         elif len(paths) > 1 or paths[0].is_dir():
-            told = "one scenario or variation file is expected, or folders of batches, searches or catalogues"
+            told = (
+                "one scenario or variation file is expected, or folders of batches, "
+                "searches or catalogues"
+            )
             raise UsageError(told, path=paths[-1])
         else:
             self._explored[""] = Explored.of(paths[0], given), own
@@ -517,7 +524,9 @@ class Collection:
         return [f"page/{name}" for name in _PAGES if (self._root / name).is_file()]
 
     def file(self, name: str) -> Path | None:
-        """A file of the folder that may be served; None for all others, links out of it included."""
+        """A file of the folder that may be served; None for all others, links
+        out of it included.
+        """
         try:
             path = (self._root / name).resolve(strict=True)
         except (OSError, ValueError):

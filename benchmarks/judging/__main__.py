@@ -38,7 +38,7 @@ from schemas.common.errors import ToolchainError
 def main() -> None:
     """Draw, or report."""
     arguments = argparse.ArgumentParser(
-        prog="python -m benchmarks.judging", description=__doc__.split("\n")[0]
+        prog="python -m benchmarks.judging", description=__doc__.split("\n\n")[0]
     )
     commands = arguments.add_subparsers(dest="command", required=True)
     finding = commands.add_parser("find")

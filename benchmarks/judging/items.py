@@ -113,10 +113,16 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
     finding = item.finding
     size = f"{ego.category}, {ego.box.length:.1f} m long"
     if finding is None:
-        head = f"item {number}: list all events of vehicle {ego.name} ({size}) from {item.start:.1f} to {item.end:.1f} s"
+        head = (
+            f"item {number}: list all events of vehicle {ego.name} ({size}) from {item.start:.1f} "
+            f"to {item.end:.1f} s"
+        )
         times, partner = np.arange(item.start, item.end + 1e-6, 1.0), None
     else:
-        head = f"item {number}: is this {finding.title}? ego {ego.name} ({size}), at {finding.time:.1f} s"
+        head = (
+            f"item {number}: is this {finding.title}? ego {ego.name} ({size}), at "
+            f"{finding.time:.1f} s"
+        )
         head += f", partner {finding.partner}" if finding.partner else ""
         times, partner = (
             np.arange(-5.0, 5.1, 1.0) + finding.time,
@@ -127,7 +133,10 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
     end = max(float(each.columns["time"][-1]) for each in recording.tracks.values())
     lines = [
         head,
-        f"recorded each {recording.timestep:g} s from {start:.1f} to {end:.1f} s: {', '.join(sorted(kinds))}",
+        (
+            f"recorded each {recording.timestep:g} s from {start:.1f} to {end:.1f} s: "
+            f"{', '.join(sorted(kinds))}"
+        ),
     ]
     for time in times.tolist():
         at = _at(ego, time)

@@ -44,7 +44,9 @@ class Instant(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """A track as arrays: frame numbers, x and y (n, 2), heading without jumps, speed, acceleration."""
+    """A track as arrays: frame numbers, x and y (n, 2), heading without jumps,
+    speed, acceleration.
+    """
 
     frame: IntArray
     place: FloatArray

@@ -71,7 +71,8 @@ def report(key: Path, answers: Sequence[Path]) -> str:
         parts.append(f"## {what}, {path.stem}\n\n{_tables(cases)}")
         if not of_findings:
             parts.append(
-                f"### findings in the stretches that the reviewer listed\n\n{_tables(extra_cases(items, one))}"
+                "### findings in the stretches that the reviewer "
+                f"listed\n\n{_tables(extra_cases(items, one))}"
             )
     if len(read) == 2 and of_findings:
         parts.append(_agreement(read))
@@ -152,7 +153,9 @@ def recall_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[C
 
 
 def extra_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[Case]:
-    """Return whether each finding in a stretch is among the events that the reviewer lists there."""
+    """Return whether each finding in a stretch is among the events that the
+    reviewer lists there.
+    """
     cases = []
     for number in _complete(answers):
         item = items[number]
@@ -212,7 +215,10 @@ def _row(name: str, cases: Sequence[Case]) -> str:
     )
     share = f"{yes / len(cases):.0%} ({low:.0%} to {high:.0%})"
     low, high = bootstrap(cases)
-    return f"| {name} | {yes} of {len(cases)} | {share} | {weighted(cases):.0%} ({low:.0%} to {high:.0%}) |"
+    return (
+        f"| {name} | {yes} of {len(cases)} | {share} | {weighted(cases):.0%} ({low:.0%} to "
+        f"{high:.0%}) |"
+    )
 
 
 def weighted(cases: Iterable[Case]) -> float:
@@ -238,7 +244,10 @@ def _agreement(read: Sequence[Answers]) -> str:
     first, second = (one.verdicts for one in read)
     both = sorted(first.keys() & second.keys())
     same = sum((first[number] == "right") == (second[number] == "right") for number in both)
-    return f"## agreement\n\nOf {len(both)} items that both judged, they agree on {same} ({same / max(len(both), 1):.0%}).\n"
+    return (
+        f"## agreement\n\nOf {len(both)} items that both judged, they agree on {same} "
+        f"({same / max(len(both), 1):.0%}).\n"
+    )
 
 
 def interval(yes: int, number: int) -> tuple[float, float]:

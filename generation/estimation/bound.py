@@ -47,7 +47,9 @@ class DrawnBound(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether failures that were not found have a probability below the asked one, with 95 % confidence."""
+        """Whether failures that were not found have a probability below the
+        asked one, with 95 % confidence.
+        """
         return not len(self.against) and self.statement.unknown <= self.asked
 
     def as_json(self) -> dict[str, Any]:

@@ -204,7 +204,9 @@ class FailingDraws(NamedTuple):
 
 
 class WeightedRows(NamedTuple):
-    """Rows (m, d) of a number of draws at which something happens, with the weights (m,) of these."""
+    """Rows (m, d) of a number of draws at which something happens, with the
+    weights (m,) of these.
+    """
 
     theta: FloatArray
     weights: FloatArray
@@ -344,7 +346,9 @@ class Driving:
 
     @property
     def sites(self) -> dict[str, list[Exposure]]:
-        """Exposures of the recordings of each kind of site: the part of their names before a slash."""
+        """Exposures of the recordings of each kind of site: the part of their
+        names before a slash.
+        """
         by_site: dict[str, list[Exposure]] = {}
         for name, part in self.parts.items():
             by_site.setdefault(name.rpartition("/")[0], []).append(part)
@@ -394,7 +398,10 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
         return "nothing is recorded of how many hours and kilometres were driven"
     pairs = recorded.pairs
     if pairs is None and len({role.actor for role in recorded.roles.values()}) > 1:
-        return "it combines units of several actors, and nothing is recorded of how often they come together"
+        return (
+            "it combines units of several actors, and nothing is recorded of how "
+            "often they come together"
+        )
     pinned = [
         name
         for name, role in recorded.roles.items()

@@ -414,11 +414,17 @@ def closing(found: LoopResult) -> Iterator[str]:
     if not any(round_.searches for round_ in found.rounds):
         yield "nothing was searched"
     else:
-        yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
+        yield (
+            f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a "
+            f"careful driver avoids {avoidable}"
+        )
     if found.against is not None:
         blind = sum(comparison.blind for comparison in found.against.compared)
         unknown = f", nothing is known of {many(blind, 'search', 'searches')}" if blind else ""
-        yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}{unknown}"
+        yield (
+            f"against {found.against.sut} in {found.against.folder}: "
+            f"{found.against.counts}{unknown}"
+        )
         for comparison in found.against.compared:
             told = "not known" if comparison.blind else str(comparison.counts)
             yield f"  {comparison.title}: {told}" + (
@@ -434,14 +440,20 @@ def _refused(refused: Iterable[Refused]) -> Iterator[str]:
     for alike in kinds.values():
         same = all(refusal.reason == alike[0].reason for refusal in alike)
         which = "" if same else f" (that is of {alike[0].title}; the page has the others)"
-        yield f"not searched: {', '.join(refusal.title for refusal in alike)}: {alike[0].reason}{which}"
+        yield (
+            f"not searched: {', '.join(refusal.title for refusal in alike)}: "
+            f"{alike[0].reason}{which}"
+        )
 
 
 def prior(of: DensitySource) -> str:
     """Describe the source of a density's parameters."""
     if not of.manoeuvres:
         return "what is stated, without recordings"
-    return f"{many(of.manoeuvres, 'manoeuvre')} {'of these recordings' if of.own else 'shipped with the package'}"
+    return (
+        f"{many(of.manoeuvres, 'manoeuvre')} "
+        f"{'of these recordings' if of.own else 'shipped with the package'}"
+    )
 
 
 @singledispatch
@@ -472,8 +484,10 @@ def _searched(found: Searched) -> str:
         else ""
     )
     return (
-        f"{found.title}: {many(found.calls, 'run')}{failed}, {many(found.collisions, 'collision')}, {found.distinct} of them "
-        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written; density of {prior(found.prior)}"
+        f"{found.title}: {many(found.calls, 'run')}{failed}, "
+        f"{many(found.collisions, 'collision')}, {found.distinct} of them "
+        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written; "
+        f"density of {prior(found.prior)}"
     )
 
 
@@ -485,7 +499,10 @@ def _ran(found: Ran) -> str:
     )
     left = sum(size - len(found.files.get(name, ())) for name, size in found.sampled.items())
     return (
-        f"{told}; {many(left, 'parameter set')} of {many(len(found.sampled), 'variation file')} left out (--sample)"
+        (
+            f"{told}; {many(left, 'parameter set')} of "
+            f"{many(len(found.sampled), 'variation file')} left out (--sample)"
+        )
         if left
         else told
     )

@@ -218,7 +218,10 @@ def _of_catalogue(
 def _why_not(scenario: RecordedScenario | None) -> str:
     if scenario is None:
         return "nothing is recorded of parameters by which it could be varied"
-    return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"
+    return (
+        f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, "
+        f"{LEAST} make a density"
+    )
 
 
 def of_scenario(

@@ -109,7 +109,8 @@ def _looped(
 def _inputs(folder: Path, out: Path) -> Inputs:
     if out.resolve().is_relative_to(folder.resolve()):
         raise UsageError(
-            "the output folder is inside the folder of the recordings, where it would be taken for one",
+            "the output folder is inside the folder of the recordings, where it "
+            "would be taken for one",
             path=out,
         )
     return Inputs.of(folder)

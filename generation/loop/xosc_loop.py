@@ -38,7 +38,8 @@ NAME = "xosc-loop"
 _EXAMPLES = ("xosc-loop results --out loop --budget 20 --rounds 1",)
 _EPILOG = exit_codes(
     "the page is written",
-    "it is, but a file in the folder or a file made is not valid, a run ended with an error, or no run of a search succeeded "
+    "it is, but a file in the folder or a file made is not valid, a run ended with an error, or "
+    "no run of a search succeeded "
     "(with --against, also: a failure is new)",
     "a run did not test what its file describes",
 )

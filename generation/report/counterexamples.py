@@ -1,4 +1,5 @@
-"""Failures as a tester reads them: measures, counterexamples, the boundary of failures, and regions.
+"""Failures as a tester reads them: measures, counterexamples, the boundary of
+failures, and regions.
 
 Counterexamples are the likeliest failure and the nearest to a recording. A region is a group of
 failing runs with a rule, its probability, severity and typical member. A rule bounds at most three
@@ -46,7 +47,8 @@ class Measure(NamedTuple):
 
 
 def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list[Measure]:
-    """Return the measures of points (n, d): of each actor with recorded parameters, and all other parameters.
+    """Return the measures of points (n, d): of each actor with recorded
+    parameters, and all other parameters.
 
     Args:
         roles: of the parameters that are known in recordings, of pinned ones too: these enter into
@@ -98,7 +100,9 @@ def _of_categories(
 
 
 def unit_of(name: str) -> str:
-    """The unit that a parameter's name ends with, as `Ego_Speed_mps`; empty where it ends with none."""
+    """The unit that a parameter's name ends with, as `Ego_Speed_mps`; empty
+    where it ends with none.
+    """
     last = name.rpartition("_")[2] if "_" in name else ""
     return _UNITS.get(last, last if last in ("m", "s", "percent") else "")
 
@@ -137,8 +141,8 @@ LIKELIEST, NEAREST = "likeliest_failure", "nearest_failure"
 
 @dataclass(frozen=True)
 class RecordedUnit:
-    """A recorded unit: its recording, values of what is searched, distance from a point as a share of the ranges (root mean
-    square over all that distinguishes cases)."""
+    """A recorded unit: its recording, values of what is searched, distance from a point as a share
+    of the ranges (root mean square over all that distinguishes cases)."""
 
     recording: str
     values: Mapping[str, float]
@@ -229,7 +233,9 @@ def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Ca
 
 
 def _others(generated: Generated) -> Cases:
-    """All runs that failed, whether foreseeable and preventable or not; no other system has driven them yet."""
+    """All runs that failed, whether foreseeable and preventable or not; no other
+    system has driven them yet.
+    """
     theta, outcomes, rewards = generated.episodes
     rows = np.flatnonzero(outcomes.executed & outcomes.collision)
     points = theta[rows]
@@ -240,7 +246,9 @@ def _others(generated: Generated) -> Cases:
 
 
 class FailureReplay(NamedTuple):
-    """A failure that is played from its file: the file, the page that plays it, whether its run ends in a collision, its film."""
+    """A failure that is played from its file: the file, the page that plays it, whether its run
+    ends in a collision, its film.
+    """
 
     scenario: Path
     page: Path
@@ -309,7 +317,9 @@ def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArra
 
 
 def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool, dict[str, Any] | None]:
-    """The page that plays a scenario, whether its run ends in a collision, and the data of its moving picture."""
+    """The page that plays a scenario, whether its run ends in a collision, and
+    the data of its moving picture.
+    """
     from runner.judging.execution import run
     from runner.view.replay.player import preview, write_replay
 
@@ -323,7 +333,9 @@ def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool, dict[str,
 _FEWEST = 20
 """Fewest runs that fail, and that do not, for a boundary"""
 _FOLDS, _SLICED, _GRID = 5, 3, 60
-"""Folds of the cross-validation, measures that slices are made of, and points along the sides of a slice"""
+"""Folds of the cross-validation, measures that slices are made of, and points
+along the sides of a slice
+"""
 _ROOM = 0.02
 """Room around the runs of a slice, as a share of their range"""
 
@@ -561,7 +573,10 @@ class FailureRegion(NamedTuple):
     def rule(self, by: Sequence[Measure]) -> str:
         """The rule in words."""
         sides = (
-            f"{by[bound.measure].name} {'≥' if bound.least else '≤'} {bound.limit:.3g} {by[bound.measure].unit}".strip()
+            (
+                f"{by[bound.measure].name} {'≥' if bound.least else '≤'} {bound.limit:.3g} "
+                f"{by[bound.measure].unit}"
+            ).strip()
             for bound in self.bounds
         )
         few = f"fewer than {_RULED} failures make no rule"
@@ -586,8 +601,10 @@ class FailureRegion(NamedTuple):
         """Return the group as a JSON object, for files and the page; `members` has the values of
         the `typical` and of the `likeliest` member."""
         return {
-            "rule": self.rule(by), **_scores_of("precision", self.precision), **_scores_of("recall", self.recall),
-            "failures": self.failures, **self.chance.as_json(), "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
+            "rule": self.rule(by), **_scores_of("precision", self.precision),
+            **_scores_of("recall", self.recall),
+            "failures": self.failures, **self.chance.as_json(), "severity": round(self.severity, 2),
+            "edge_cases": self.edge_cases,
             "survived": dict(self.survived),
             **{
                 name: {measure.name: value for measure, value in zip(by, values, strict=True)}
@@ -624,8 +641,8 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
 def with_parts(
     generated: Generated, by: Sequence[Measure]
 ) -> tuple[list[FailureRegion], FailureParts | None]:
-    """The regions of all executed runs, the most important first, at most `_MOST`, and the probabilities of these and of the
-    others; none without failures or measures.
+    """The regions of all executed runs, the most important first, at most `_MOST`, and the
+    probabilities of these and of the others; none without failures or measures.
 
     Args:
         by: values (n,) at the executed runs.
@@ -758,7 +775,8 @@ def _traffic_scores(
     bounds: Sequence[Bound],
     group: FloatArray,
 ) -> tuple[Share, Share]:
-    """Precision and recall of a rule in traffic, by unguided draws, which no rule was chosen for; no draws without a rule.
+    """Precision and recall of a rule in traffic, by unguided draws, which no
+    rule was chosen for; no draws without a rule.
 
     Sought runs crowd about failures, so a share of them says nothing about traffic.
 

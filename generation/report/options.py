@@ -29,7 +29,8 @@ FailIf = Annotated[
     typer.Option(
         "--fail-if",
         metavar="FATE",
-        help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: new]",
+        help="With --against, what ends with exit code 1: new, still-there (repeatable).  "
+        "[default: new]",
     ),
 ]
 

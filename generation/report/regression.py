@@ -117,7 +117,9 @@ class Before:
 
 
 class Tried(NamedTuple):
-    """Points (n, d) of a space that this version was run at, and which of them are failures (n,)."""
+    """Points (n, d) of a space that this version was run at, and which of them
+    are failures (n,).
+    """
 
     space: Space
     theta: FloatArray
@@ -167,7 +169,10 @@ class Regression:
 
     def __str__(self) -> str:
         regions = ", ".join(f"{self.regions[shift]} {shift}" for shift in Shift)
-        return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}; regions: {regions}"
+        return (
+            f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}; "
+            f"regions: {regions}"
+        )
 
 
 def regression(

@@ -87,7 +87,9 @@ def _sentence(about: object) -> str:
 
 
 def basis(generated: Generated) -> str:
-    """Name the density, the judges and the test of the density on which bounds, intervals and cases rest."""
+    """Name the density, the judges and the test of the density on which bounds,
+    intervals and cases rest.
+    """
     gate, count = generated.gate, len(generated.recorded.theta)
     recorded = f"density {generated.density} of {many(count, 'recorded manoeuvre')}"
     drawn = "limits and densities as stated" if gate.replayed is None else recorded
@@ -115,7 +117,10 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     )
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
-    told = f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver"
+    told = (
+        f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and "
+        "prevented by a careful driver"
+    )
     if by := generated.cases.prevented_by():
         told += f": {', '.join(f'{count} by {name}' for name, count in by.items())}"
     return f"{told}{''.join(f'; {caveat}' for caveat in _caveats(generated, cases))}."
@@ -145,17 +150,26 @@ def _lost(generated: Generated) -> Iterator[str]:
         outcomes.error[outcomes.inconclusive],
     )
     if len(errors):
-        yield f"{many(len(errors), 'more run')} failed and count for nothing, the first with: {errors[0]}"
+        yield (
+            f"{many(len(errors), 'more run')} failed and count for nothing, the "
+            f"first with: {errors[0]}"
+        )
     if len(untested):
         verb = "are" if len(untested) > 1 else "is"
-        yield f"{many(len(untested), 'more run')} {verb} inconclusive and not counted, the first: {untested[0]}"
+        yield (
+            f"{many(len(untested), 'more run')} {verb} inconclusive and not counted, the first: "
+            f"{untested[0]}"
+        )
 
 
 def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
     if not failure.stable and failure.value > 0.0:
         few = f"{failure.counted} are fewer than {LEAST_EFFECTIVE:g}"
-        yield f"How often {sut} collides is not known well enough for a headline: {few}; more runs help."
+        yield (
+            f"How often {sut} collides is not known well enough for a headline: "
+            f"{few}; more runs help."
+        )
         return
     yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
     if rates:
@@ -164,8 +178,14 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
             if isinstance(estimate.driving, Driving) and estimate.driving.simulated
             else "driving"
         )
-        yield f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and {rate(rates[PER_DISTANCE])} per 1,000 km."
-    yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
+        yield (
+            f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and "
+            f"{rate(rates[PER_DISTANCE])} per 1,000 km."
+        )
+    yield (
+        "Collisions that a careful driver prevents have a probability of "
+        f"{chance(estimate.probabilities[PREVENTABLE])}."
+    )
     bands = {
         name: probability.value
         for name, probability in estimate.probabilities.items()
@@ -176,7 +196,10 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
             (name.removeprefix("impact "), 100.0 * count / sum(bands.values()))
             for name, count in bands.items()
         )
-        yield f"Impacts of the collisions: {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
+        yield (
+            "Impacts of the collisions: "
+            f"{', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
+        )
 
 
 def chance(found: Probability) -> str:
@@ -629,7 +652,10 @@ def _settings(report: SearchReport) -> dict[str, str]:
         "pinned": pinned or "nothing",
         "operational domain": str(generated.domain),
         "world": f"{settings.run.world}, time step {settings.run.timestep:g} s",
-        "risk": f"share of the {RISK_WINDOW:g} s up to the conflict in which RSS distances ({settings.rss}) are violated",
+        "risk": (
+            f"share of the {RISK_WINDOW:g} s up to the conflict in which RSS distances "
+            f"({settings.rss}) are violated"
+        ),
     }
 
 

@@ -57,7 +57,9 @@ class Share(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of the probability, exact: C. Clopper, E. Pearson, Biometrika 26, 1934."""
+        """The 95 % interval of the probability, exact: C. Clopper, E. Pearson,
+        Biometrika 26, 1934.
+        """
         # Exact, not normal: with no collision in n runs a normal interval would have no width.
         tail, others = (1.0 - CONFIDENCE) / 2.0, self.runs - self.collisions
         low = betaincinv(self.collisions, others + 1, tail) if self.collisions else 0.0
@@ -101,7 +103,9 @@ class Statement(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Probability that all failures together stay below with 95 % confidence; 1 without draws."""
+        """Probability that all failures together stay below with 95 %
+        confidence; 1 without draws.
+        """
         return _upper(self.failing, self.draws)
 
     def as_json(self) -> dict[str, float]:
@@ -111,14 +115,23 @@ class Statement(NamedTuple):
 
     def __str__(self) -> str:
         if not self.draws:
-            return "no unguided draw was executed: nothing bounds the probability of failures that were not found"
+            return (
+                "no unguided draw was executed: nothing bounds the probability of failures that "
+                "were not found"
+            )
         near = (
             ""
             if not self.failing
             else f", {self.outside} of these unlike all that the search found"
         )
-        bound = f"with 95 % confidence failures that were not found have a probability below {self.unknown:.2g}"
-        return f"{self.failing} of {many(self.draws, 'unguided draw')} fail{near}: {bound} under this density"
+        bound = (
+            "with 95 % confidence failures that were not found have a probability below "
+            f"{self.unknown:.2g}"
+        )
+        return (
+            f"{self.failing} of {many(self.draws, 'unguided draw')} fail{near}: {bound} under "
+            "this density"
+        )
 
 
 NO_DRAWS = Statement(0, 0, 0)
@@ -127,7 +140,9 @@ NEAR = 0.1
 
 
 def _upper(hits: int, trials: int) -> float:
-    """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson, Biometrika 26, 1934."""
+    """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson,
+    Biometrika 26, 1934.
+    """
     # Clopper and Pearson's upper limit is this quantile of a beta distribution.
     return float(betaincinv(hits + 1, trials - hits, CONFIDENCE)) if hits < trials else 1.0
 
@@ -158,10 +173,16 @@ class Gate(NamedTuple):
         # says anything.
         if unfaithful.interval[0] > UNFAITHFUL:
             careful = " with each careful driver too" if self.unprevented is not None else ""
-            return f"{unfaithful} replays of recordings collide{careful}, where none of the recordings did"
+            return (
+                f"{unfaithful} replays of recordings collide{careful}, where none of the "
+                "recordings did"
+            )
         # Intervals apart: the density collides more often than chance explains.
         if self.drawn.interval[0] > self.replayed.interval[1]:
-            return f"{self.drawn} of its draws collide, far more often than {self.replayed} replays of recordings"
+            return (
+                f"{self.drawn} of its draws collide, far more often than {self.replayed} replays "
+                "of recordings"
+            )
         return None
 
     @property
@@ -185,18 +206,29 @@ class Gate(NamedTuple):
 
     def __str__(self) -> str:
         if self.replayed is None:
-            return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
+            return (
+                f"collisions in {self.drawn} draws of the density; nothing is recorded "
+                "that could be replayed"
+            )
         where = " in arrays" if self.played else ""
-        measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density{where}"
+        measured = (
+            f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the "
+            f"density{where}"
+        )
         if self.refusal is not None:
             return measured
         if self.testable:
             return f"{measured}; from {self.power:.2%} on the density would be refused"
-        return f"{measured}: not testable, as so few would pass a density of which {TESTABLE:.0%} collides"
+        return (
+            f"{measured}: not testable, as so few would pass a density of which "
+            f"{TESTABLE:.0%} collides"
+        )
 
 
 def replay_shares(units: FloatArray, outcomes: Outcomes, drivers: Drivers) -> tuple[Share, Share]:
-    """Collisions of recorded rows (m, k) with outcomes, and those that no careful driver prevents."""
+    """Collisions of recorded rows (m, k) with outcomes, and those that no
+    careful driver prevents.
+    """
     colliding = np.flatnonzero(outcomes.executed & outcomes.collision)
     share = Share.of(outcomes)
     return share, Share(int((~survivors(units[colliding], drivers)).sum()), share.runs)
@@ -268,7 +300,8 @@ class Domain:
                 pinned = space.pinned.get(name)
                 if pinned is not None and not low <= float(pinned) <= high:
                     raise UsageError(
-                        f"--domain {text}: {name} is pinned at {pinned}, outside {low:g} to {high:g}",
+                        f"--domain {text}: {name} is pinned at {pinned}, "
+                        f"outside {low:g} to {high:g}",
                         path=scenario,
                     )
         return cls(found)
@@ -286,7 +319,8 @@ def _limits(
         speeds = {name: role for name, role in roles.items() if _is_ego_speed(role, roles)}
         if not speeds:
             raise UsageError(
-                f"--domain {text}: no parameter is known as the ego's speed; NAME=LOW..HIGH limits one",
+                f"--domain {text}: no parameter is known as the ego's speed; "
+                "NAME=LOW..HIGH limits one",
                 path=scenario,
             )
         return {name: (0.0, most * role.factor) for name, role in speeds.items()}

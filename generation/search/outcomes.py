@@ -312,7 +312,9 @@ def episode(job: Job, settings: RunSettings, rss: str) -> dict[str, Any]:
 
 
 def _row(found: Outcome) -> dict[str, Any]:
-    """Return the columns of `Outcomes` for one run. An inconclusive run is neither a success of the system nor a failure."""
+    """Return the columns of `Outcomes` for one run. An inconclusive run is
+    neither a success of the system nor a failure.
+    """
     # Kept apart from failures: a run that tested nothing must not count for or against the system.
     lost = found.state in ("error", INCONCLUSIVE)
     status = found.state if lost else found.status
@@ -365,7 +367,8 @@ _CHANGED = 1e-3
 
 @dataclass
 class FullBraking:
-    """Brakes fully from the first instant at which anyone changes speed or place in the lane, the ego itself included.
+    """Brakes fully from the first instant at which anyone changes speed or place
+    in the lane, the ego itself included.
 
     It is no system that could be built: it knows that whatever begins will be dangerous. What it
     hits, braking does not avoid.
@@ -444,13 +447,17 @@ CAREFUL = "r157-cc"
 JUDGES = (CAREFUL, "fsm")
 """A failure is preventable where one of these drivers survives the same case (METHOD.md §6)."""
 FULL_BRAKING = "generation.search.outcomes:FullBraking"
-"""Full braking from the instant at which the manoeuvre begins: what this hits, no braking from then on avoids"""
+"""Full braking from the instant at which the manoeuvre begins: what this hits,
+no braking from then on avoids
+"""
 NEVER_BRAKED = "nobody changes speed or lane before the contact, so that full braking never begins"
 REFERENCES: Mapping[str, str] = {
     **{name: name for name in (*JUDGES, "aeb", "idm", "rss", "r157-reg")},
     "full braking": FULL_BRAKING,
 }
-"""Systems under test by the names that reports have for them: the columns of the matrix of reference drivers."""
+"""Systems under test by the names that reports have for them: the columns of the
+matrix of reference drivers.
+"""
 
 
 def judges_of(names: Sequence[str]) -> tuple[str, ...]:
@@ -469,11 +476,15 @@ def judges_of(names: Sequence[str]) -> tuple[str, ...]:
 
 
 Drivers = Callable[[FloatArray, str], Outcomes]
-"""Outcomes of points (n, d), driven by the system under test of a name; `generation.search.outcomes.Evaluator` is one."""
+"""Outcomes of points (n, d), driven by the system under test of a name;
+`generation.search.outcomes.Evaluator` is one.
+"""
 
 
 def survivors(theta: FloatArray, drivers: Drivers, judges: Sequence[str] = JUDGES) -> BoolArray:
-    """The points (n,) of (n, d) that one of the judges survives; each is asked only where those before it have not."""
+    """The points (n,) of (n, d) that one of the judges survives; each is asked
+    only where those before it have not.
+    """
     found = np.zeros(len(theta), bool)
     # Runs are what a search pays for: the second judge drives only what the first one does not
     # survive.
@@ -507,8 +518,8 @@ def matrix(
     plays: Drivers | None = None,
     judges: Sequence[str] = JUDGES,
 ) -> Matrix:
-    """The matrix of points (n, d). The judges are run; the others are played in arrays, if plays agree with all verdicts of the
-    judges, and run otherwise.
+    """The matrix of points (n, d). The judges are run; the others are played in arrays, if plays
+    agree with all verdicts of the judges, and run otherwise.
 
     Args:
         plays: plays points with the system of a name; None for none.
@@ -529,8 +540,10 @@ def matrix(
 
 
 def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
-    """Outcomes of a driver; where full braking never begins, its collision says nothing of what braking can do, and counts as a
-    run that failed: it is the same as that of what the scenario scripts alone."""
+    """Outcomes of a driver; where full braking never begins, its collision says nothing of what
+    braking can do, and counts as a run that failed: it is the same as that of
+    what the scenario scripts alone.
+    """
     found = drivers(theta, sut)
     rows = np.flatnonzero(found.executed & found.collision)
     if sut != FULL_BRAKING or not rows.size:
@@ -591,8 +604,8 @@ class Cases:
         log_likelihood: log-density (n,) at theta.
         drivers: outcomes of the reference drivers there, by their names
             (`generation.search.outcomes.REFERENCES`).
-        agreed: verdicts of the judges that plays in arrays share, all of them, where these are of the other
-            drivers; 0 where all were run.
+        agreed: verdicts of the judges that plays in arrays share, all of them, where these are of
+            the other drivers; 0 where all were run.
         repeats: runs of the failures again, which are the first rows; None where none was repeated.
         judges: names of the drivers of which one survives a failure that counts as preventable.
     """
@@ -629,7 +642,9 @@ class Cases:
         return chosen[self.outcomes.collision[chosen]]
 
     def prevented_by(self) -> dict[str, int]:
-        """Number of collisions by the judges that prevent them, as `both` 51, `fsm only` 49; without those of no collision."""
+        """Number of collisions by the judges that prevent them, as `both` 51, `fsm only` 49;
+        without those of no collision.
+        """
         collision = self.outcomes.collision
         survived = np.array([self.drivers[name].survived for name in self.judges]) & collision
         counts: dict[str, int] = {}
@@ -697,7 +712,8 @@ def choose(
     plays: Drivers | None = None,
     judges: Sequence[str] = JUDGES,
 ) -> Cases:
-    """The foreseeable and preventable failures that are far enough from each other, the likelier first.
+    """The foreseeable and preventable failures that are far enough from each
+    other, the likelier first.
 
     Args:
         judged: says how likely points are, and which are foreseeable.
@@ -742,7 +758,8 @@ class _Taken:
     def add(
         self, theta: FloatArray, order: IntArray, counts: Callable[[FloatArray], BoolArray]
     ) -> None:
-        """Take rows in an order, those that count and are apart; no row is looked at that is near to one taken.
+        """Take rows in an order, those that count and are apart; no row is
+        looked at that is near to one taken.
 
         Args:
             theta: all points (n, d). order: of the rows that may be taken.

@@ -28,7 +28,9 @@ from schemas.common.errors import Unsupported
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
 FEW = 8
-"""Points that the interpreter plays in less time than arrays, which take nearly as long for one as for hundreds"""
+"""Points that the interpreter plays in less time than arrays, which take nearly
+as long for one as for hundreds
+"""
 _UNTESTED = "it did not test what the file describes"
 
 

@@ -203,7 +203,10 @@ class Guidance:
 
     def __str__(self) -> str:
         runs = self.guided + self.drawn
-        return f"{self.guided} of these runs ({self.guided / max(runs, 1):.0%}) guided by earlier ones or plays, {self.drawn} drawn"
+        return (
+            f"{self.guided} of these runs ({self.guided / max(runs, 1):.0%}) guided by earlier "
+            f"ones or plays, {self.drawn} drawn"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +265,8 @@ def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
     methods = offered() if methods is None else methods
     if name not in methods:
         raise UsageError(
-            f"there is no search method {name!r}; {guess(name, methods)}methods: {', '.join(methods)}"
+            f"there is no search method {name!r}; {guess(name, methods)}methods: "
+            f"{', '.join(methods)}"
         )
     search: Search = getattr(import_module(methods[name].module), name.replace("-", "_"))
     return search

@@ -1,4 +1,6 @@
-"""Settings of searches and of the loop: the options of `xosc-generate` and `xosc-loop` have their defaults from here."""
+"""Settings of searches and of the loop: the options of `xosc-generate` and
+`xosc-loop` have their defaults from here.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def _offered(name: str) -> str:
     """A wrong name is better known before anything else is asked for."""
     if name not in _METHODS:
         raise UsageError(
-            f"there is no search method {name!r}; {guess(name, _METHODS)}methods: {', '.join(_METHODS)}"
+            f"there is no search method {name!r}; {guess(name, _METHODS)}methods: "
+            f"{', '.join(_METHODS)}"
         )
     return name
 
@@ -155,7 +158,8 @@ class SearchSettings:
     )
     judges: Sequence[str] = option(
         (),
-        "Driver whose survival makes a failure preventable (repeatable): r157-cc, fsm, aeb, idm, rss, r157-reg.  [default: r157-cc, fsm]",
+        "Driver whose survival makes a failure preventable (repeatable): r157-cc, fsm, aeb, idm, "
+        "rss, r157-reg.  [default: r157-cc, fsm]",
         "--judge",
         parameter="judge",
         metavar="DRIVER",
@@ -163,14 +167,16 @@ class SearchSettings:
     )
     repeat: int = option(
         0,
-        "Run each failing edge case with N other seeds too: how often its values fail, with interval.",
+        "Run each failing edge case with N other seeds too: how often its values "
+        "fail, with interval.",
         "--repeat",
         min=0,
         metavar="N",
     )
     until: float | None = option(
         None,
-        "Then draw in arrays until failures not found are rarer than P, as 1e-5, or one stands against it.",
+        "Then draw in arrays until failures not found are rarer than P, as 1e-5, or "
+        "one stands against it.",
         "--until",
         min=1e-9,
         max=0.5,
@@ -178,7 +184,8 @@ class SearchSettings:
     )
     domain: Sequence[str] = option(
         (),
-        "Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), NAME=LOW..HIGH (repeatable).",
+        "Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), "
+        "NAME=LOW..HIGH (repeatable).",
         "--domain",
         metavar="LIMIT",
     )
@@ -224,7 +231,8 @@ class Ask:
     )
     density: str = option(
         JUDGE,
-        f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings.",
+        f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, "
+        "without recordings.",
         autocompletion=completed(lambda: [*models(), UNIFORM]),
     )
     pinned: Mapping[str, str] = option(
@@ -236,7 +244,8 @@ class Ask:
     )
     free: Sequence[str] = option(
         (),
-        "Search a parameter besides the default ones, or a literal, as 87@value=10..40 (repeatable).",
+        "Search a parameter besides the default ones, or a literal, as 87@value=10..40 "
+        "(repeatable).",
         "--free",
         metavar="NAME[=LOW..HIGH]",
     )
@@ -300,7 +309,9 @@ class LoopSettings:
     )
 
     def deciding(self) -> dict[str, str]:
-        """Return the settings that decide the findings, as texts by name; those of `ask` by option."""
+        """Return the settings that decide the findings, as texts by name; those
+        of `ask` by option.
+        """
         own = {name: value for name, value in asdict(self).items() if name not in _DECIDE_NOTHING}
         ask = {_OPTIONS.get(name, name): value for name, value in asdict(self.ask).items()}
         return {name: _text(value) for name, value in (self.run.as_json() | own | ask).items()}
@@ -309,7 +320,8 @@ class LoopSettings:
         """The settings of the searches of a round, whose number counts from 1."""
         seed = self.seed + 1000 * (number - 1)
         return SearchSettings(
-            run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes, density=self.ask.density,
+            run=self.run, method=self.method, budget=self.budget, seed=seed,
+            processes=self.processes, density=self.ask.density,
             choice=Choice(self.most, violations=True), concrete=True, overwrite=self.overwrite,
         )  # fmt: skip
 

@@ -181,7 +181,10 @@ class Writer:
             StochasticDistribution(parameter.name, self._single(parameter, drawn[:, column]))
             for column, parameter in enumerate(self._space.parameters)
         )
-        description = f"Recorded parameters of {self._stem}, each on its own: the standard can't express how they depend on each other"
+        description = (
+            f"Recorded parameters of {self._stem}, each on its own: the standard can't express "
+            "how they depend on each other"
+        )
         document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
         return self._write(f"{self._stem}_density", document, [])
 
@@ -211,7 +214,9 @@ class Writer:
         )
 
     def _header(self, description: str) -> FileHeader:
-        """Return a header with the scenario's date, so that the same search gives the same bytes."""
+        """Return a header with the scenario's date, so that the same search
+        gives the same bytes.
+        """
         date = self._document.node.need("FileHeader").get("date")
         return FileHeader(description, AUTHOR, datetime.fromisoformat(date))
 
@@ -472,7 +477,8 @@ def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
     found = [node for node in root.iter() if node.line == int(line) and node.has(attribute)]
     if len(found) != 1:
         raise UsageError(
-            f"--free {where}: {len(found) or 'no'} elements of this line have the attribute {attribute}",
+            f"--free {where}: {len(found) or 'no'} elements of this line have the "
+            f"attribute {attribute}",
             path=path,
         )
     value = found[0].get(attribute)
@@ -503,7 +509,8 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
             scale = 0.0
         if not (name and equals and scale > 0.0):
             raise UsageError(
-                f"--map {text!r}: NAME=ROLE or NAME=ROLE*FACTOR is expected, as Ego_speed_kph=ego_speed*3.6"
+                f"--map {text!r}: NAME=ROLE or NAME=ROLE*FACTOR is expected, as "
+                "Ego_speed_kph=ego_speed*3.6"
             )
         if role not in ROLES:
             raise UsageError(

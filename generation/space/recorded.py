@@ -301,7 +301,8 @@ def kind_of(scenario: Path) -> str:
         raise UsageError(
             "nothing says which values are likely: it is no recorded scenario of a known class, "
             "and its name is not that of a manoeuvre, as "
-            f"cut_in_highway.xosc. Give ranges, as {free_option(numbers(scenario))}, or --density uniform for all that has limits, "
+            f"cut_in_highway.xosc. Give ranges, as {free_option(numbers(scenario))}, or --density "
+            "uniform for all that has limits, "
             "or name recorded units that are like it by --kind",
             path=scenario,
         )
@@ -342,7 +343,8 @@ def of_samples(
     unknown = [name for name in space.names if name not in values and name not in marginals]
     if unknown:
         raise UsageError(
-            f"recordings have no values of the parameter {unknown[0]}: pin it, give it a range by --free {unknown[0]}=LOW..HIGH, "
+            f"recordings have no values of the parameter {unknown[0]}: pin it, give it a range by "
+            f"--free {unknown[0]}=LOW..HIGH, "
             "or say by --map what it is in recordings"
         )
     rest = {name: marginals[name] for name in space.names if name not in values}
@@ -377,7 +379,8 @@ def _with_jerk(
         return (samples if jerk is None else samples.where(known)), roles
     if jerk in space.names:
         raise UsageError(
-            f"no jerk is recorded, of which {jerk} is: name recordings, or a table of their units, by --recorded"
+            f"no jerk is recorded, of which {jerk} is: name recordings, or a table of their "
+            "units, by --recorded"
         )
     return samples, {name: role for name, role in roles.items() if name != jerk}
 

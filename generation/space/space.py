@@ -277,7 +277,8 @@ class _ParameterChoice:
         ]
         if not found:
             raise UsageError(
-                f"no parameter with a lower and an upper limit is left to search: {self._instead()}",
+                "no parameter with a lower and an upper limit is left to search: "
+                f"{self._instead()}",
                 path=self._scenario,
             )
         return found
@@ -362,7 +363,8 @@ def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
     }
     if not found:
         raise UsageError(
-            "it declares no parameter that is a number: --free LINE@ATTRIBUTE=LOW..HIGH searches a literal, as 87@value=10..40",
+            "it declares no parameter that is a number: --free LINE@ATTRIBUTE=LOW..HIGH searches "
+            "a literal, as 87@value=10..40",
             path=scenario,
         )
     return found
@@ -518,8 +520,8 @@ class KnownRows:
             self._trees.append(KDTree(unit))
 
     def distances(self, unit: FloatArray, most: float = np.inf) -> FloatArray:
-        """Root-mean-square distance (n,) of rows (n, d) from the nearest one; infinite where that is
-        further than `most`, or there is none."""
+        """Root-mean-square distance (n,) of rows (n, d) from the nearest one; infinite where that
+        is further than `most`, or there is none."""
         found, reach = np.full(len(unit), np.inf), np.sqrt(unit.shape[1])
         for tree in self._trees:
             far = tree.query(unit, distance_upper_bound=most * reach * (1.0 + _ROUNDING))[0]

@@ -16,7 +16,8 @@ from runner.recording import Recording
 EVERYWHERE = "all"
 """Site and class of totals"""
 COLUMNS: dict[str, type] = {
-    "site": str, "class": str, "events": int, "vehicles": int, "vehicle_hours": float, "vehicle_km": float, "quality": float,
+    "site": str, "class": str, "events": int, "vehicles": int, "vehicle_hours": float,
+    "vehicle_km": float, "quality": float,
     "per_hour": float, "per_hour_low": float, "per_hour_high": float,
     "per_1000_km": float, "per_1000_km_low": float, "per_1000_km_high": float,
 }  # fmt: skip

@@ -58,7 +58,10 @@ class UnseenSites(NamedTuple):
         return self.agree >= AGREE and self.wrong <= WRONG
 
     def __str__(self) -> str:
-        return f"{self.agree:.0%} get their class from the model and {self.wrong:.0%} another one or none"
+        return (
+            f"{self.agree:.0%} get their class from the model and "
+            f"{self.wrong:.0%} another one or none"
+        )
 
 
 def unseen_sites(folder: Path) -> UnseenSites | None:
@@ -92,17 +95,23 @@ def unseen_sites(folder: Path) -> UnseenSites | None:
         ) from None
     if not all(0.0 <= share <= 1.0 for share in found):
         raise InvalidFile(
-            f"{_FIELD} of this model holds shares from 0 to 1, not {found.agree:g} and {found.wrong:g}",
+            f"{_FIELD} of this model holds shares from 0 to 1, not {found.agree:g} and "
+            f"{found.wrong:g}",
             path=path,
         )
     return found
 
 
 def objection(stated: UnseenSites | None) -> str | None:
-    """Reason for which a model with such a statement must not sort a catalogue; None where it may."""
+    """Reason for which a model with such a statement must not sort a catalogue;
+    None where it may.
+    """
     needed = f"at least {AGREE:.0%} and at most {WRONG:.0%} are required"
     if stated is None:
-        return f"the model does not state how many of the rules' events on sites not seen get their class, or another ({needed})"
+        return (
+            "the model does not state how many of the rules' events on sites not seen get their "
+            f"class, or another ({needed})"
+        )
     return (
         None
         if stated.sufficient

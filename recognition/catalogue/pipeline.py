@@ -152,7 +152,8 @@ def build(
     bar: Bar = _silent,
     workers: Workers = Workers(),  # noqa: B008 - immutable
 ) -> Summary:
-    """Make a catalogue of the recordings in files and folders, with the same bytes for any number of workers.
+    """Make a catalogue of the recordings in files and folders, with the same
+    bytes for any number of workers.
 
     A recording that can't be read does not keep the others from their place in the catalogue.
     Recordings that were read before an interruption are not read again by the next call.
@@ -172,7 +173,8 @@ def build(
         >>> from pathlib import Path
         >>> import xosc_toolchain as xt
         >>> from runner.batch.outputs.folder import write_run
-        >>> written = write_run(xt.run("xosc/library/cut_in_highway.xosc", world="kinematic"), Path("run"))
+        >>> result = xt.run("xosc/library/cut_in_highway.xosc", world="kinematic")
+        >>> written = write_run(result, Path("run"))
         >>> sorted(xt.recognise([Path("run")], Path("catalogue")).classes)
         ['highway car following', 'highway cut in', 'right lane change']
     """
@@ -208,7 +210,10 @@ def _refuse_twins(sources: Sequence[Source]) -> None:
         # Names of recordings become names of files, and keys of the index.
         other = first.setdefault(source.name, source)
         if other is not source:
-            message = f"{other.path} has a recording called {source.name!r} too: give each once, in one folder that holds both"
+            message = (
+                f"{other.path} has a recording called {source.name!r} too: give each once, in one "
+                "folder that holds both"
+            )
             raise UsageError(message, path=source.path)
 
 
@@ -218,7 +223,8 @@ def _refuse_others(out: Path, names: set[str]) -> None:
     if others:
         listed = f"{others[0]!r}" + (f" and {len(others) - 1} more" if len(others) > 1 else "")
         raise UsageError(
-            f"this folder has a catalogue of other recordings ({listed}): give them as well, or another folder",
+            f"this folder has a catalogue of other recordings ({listed}): give them as well, or "
+            "another folder",
             path=out,
         )
 
@@ -317,7 +323,9 @@ class _CatalogueBuild:
         )
 
     def _blocks(self, source: Source) -> Iterator[Block]:
-        """Yield the blocks to be written of a recording, whose road and index entry are written first."""
+        """Yield the blocks to be written of a recording, whose road and index
+        entry are written first.
+        """
         labelled = self.labelled[source.name]
         self._catalogue.register(source, labelled.report, labelled.exposure, labelled.exclusions)
         # In this process: workers that write blocks of one recording must not write one road file
@@ -340,7 +348,9 @@ def _part(advance: Advance, share: float) -> Advance:
 
 
 LABELS = "labels.json"
-"""File in the folder of the runs with what was found in each, and the digests of the files written"""
+"""File in the folder of the runs with what was found in each, and the digests of
+the files written
+"""
 
 
 class LabelledRuns(NamedTuple):
@@ -430,7 +440,9 @@ def _annotations(
 
 
 def _tags(sources: list[Source], found: dict[str, list[Detection]]) -> list[Tag]:
-    """Classes that happen to the ego (to anyone, where there is no ego) in the runs of a scenario, and when."""
+    """Classes that happen to the ego (to anyone, where there is no ego) in the
+    runs of a scenario, and when.
+    """
     listed = [
         (source, finding)
         for source in sources

@@ -125,7 +125,9 @@ class RecordingStore:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _records(self, source: Source) -> Records:
-        """File with one record: timestep, tracks and report beside the columns, and their digest."""
+        """File with one record: timestep, tracks and report beside the columns,
+        and their digest.
+        """
         return Records(self._path(source, "jsonl"))
 
     def _path(self, source: Source, ending: str) -> Path:

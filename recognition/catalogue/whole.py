@@ -88,7 +88,8 @@ def write_replay(
     absent = len(recording.tracks) - len(scene.parts)
     if absent:
         remarks.append(
-            f"{absent} participants are not there together with the ego, in two messages or more: left out"
+            f"{absent} participants are not there together with the ego, in two "
+            "messages or more: left out"
         )
     beside = out.with_suffix(".xodr") if file is not None else None
     header = FileHeader(
@@ -128,7 +129,9 @@ def _recorded(track: Track) -> dict[str, np.ndarray]:
 
 
 def _deviation(scene: Excerpt) -> list[str]:
-    """A sentence on the distance of smoothed places from the recorded ones, where a track has both."""
+    """A sentence on the distance of smoothed places from the recorded ones,
+    where a track has both.
+    """
     away = dict[str, float]()
     for part in scene.parts:
         columns, rows = part.track.columns, slice(part.rows[0], part.rows[-1] + 1)
@@ -140,7 +143,8 @@ def _deviation(scene: Excerpt) -> list[str]:
     most = max(away, key=lambda name: away[name])
     median = float(np.median(list(away.values())))
     return [
-        f"smoothed motion is up to {median:.2f} m (median of the participants) and {away[most]:.2f} m"
+        f"smoothed motion is up to {median:.2f} m (median of the participants) and "
+        f"{away[most]:.2f} m"
         f" ({most}) off the recorded places; --raw replays those"
     ]
 
@@ -162,7 +166,8 @@ def _ego(recording: Recording, source: Source, name: str | None, remarks: list[s
     if name is not None:
         if name not in present:
             raise UsageError(
-                f"no participant {name!r} is there for two messages; there are {', '.join(list(present)[:10])}"
+                f"no participant {name!r} is there for two messages; there are "
+                f"{', '.join(list(present)[:10])}"
             )
         return present[name]
     # The vehicle that recorded, where the format knows it: it is there throughout.
@@ -178,7 +183,8 @@ def _ego(recording: Recording, source: Source, name: str | None, remarks: list[s
         vehicles, key=lambda track: float(track.columns["time"][-1] - track.columns["time"][0])
     )
     remarks.append(
-        f"the recording names no ego: {longest.name} is it, which is there for longest; --ego chooses another one"
+        f"the recording names no ego: {longest.name} is it, which is there for longest; --ego "
+        "chooses another one"
     )
     return longest
 

@@ -145,7 +145,9 @@ def always(flags: BoolArray, half: int, first: IntArray, last: IntArray) -> Bool
 
 
 def constant(values: NDArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
-    """Return a mask of rows with one value from `half` before to `half` after, all of them present."""
+    """Return a mask of rows with one value from `half` before to `half` after,
+    all of them present.
+    """
     changed = np.zeros(len(values), bool)
     changed[1:] = values[1:] != values[:-1]
     here = np.arange(len(values))

@@ -206,22 +206,40 @@ class Rules:
 
 
 CONDITIONS = {
-    Label.FREE_CRUISE: "one main lane, |a| < {cruise_acceleration:g} m/s², no lead within THW {following_headway:g} s",
+    Label.FREE_CRUISE: (
+        "one main lane, |a| < {cruise_acceleration:g} m/s², no lead within THW "
+        "{following_headway:g} s"
+    ),
     Label.CAR_FOLLOWING: "one main lane, one lead within THW {following_headway:g} s",
-    Label.CUT_IN: "main lane is kept, partner changes into it and becomes the lead within {cut_gap:g} m",
+    Label.CUT_IN: (
+        "main lane is kept, partner changes into it and becomes the lead within {cut_gap:g} m"
+    ),
     Label.CUT_OUT: "main lane is kept, partner is the lead within {cut_gap:g} m and leaves it",
     Label.LANE_CHANGE_LEFT: "changes to the lane on the left and holds it",
     Label.LANE_CHANGE_RIGHT: "changes to the lane on the right and holds it",
     Label.RAMP_ENTERING: "changes from a ramp to a main lane",
     Label.RAMP_EXITING: "changes from a main lane to a ramp",
-    Label.URBAN_CUT_IN: "lane is kept, partner changes into it, becomes the lead within {cut_gap:g} m",
+    Label.URBAN_CUT_IN: (
+        "lane is kept, partner changes into it, becomes the lead within {cut_gap:g} m"
+    ),
     Label.URBAN_CUT_OUT: "lane is kept, partner is the lead within {cut_gap:g} m and leaves it",
     Label.ROUNDABOUT_ENTERING: "passes from an entry lane to the ring",
     Label.ROUNDABOUT_EXITING: "passes from the ring to an exit lane",
     Label.ROUNDABOUT_CIRCULATING: "stays in the ring through the window",
-    Label.LEFT_TURN: "turns left through a junction, or off or onto the road, by {turn[0]:g} to {turn[1]:g} degrees",
-    Label.RIGHT_TURN: "turns right through a junction, or off or onto the road, by {turn[0]:g} to {turn[1]:g} degrees",
-    Label.STRAIGHT_CROSS: "crosses another used way in a junction, turns by less than {straight:g} degrees or as the road",
-    Label.MERGING: "another vehicle from another road arrives in the same lane within {merging_gap:g} s",
+    Label.LEFT_TURN: (
+        "turns left through a junction, or off or onto the road, by {turn[0]:g} "
+        "to {turn[1]:g} degrees"
+    ),
+    Label.RIGHT_TURN: (
+        "turns right through a junction, or off or onto the road, by {turn[0]:g} "
+        "to {turn[1]:g} degrees"
+    ),
+    Label.STRAIGHT_CROSS: (
+        "crosses another used way in a junction, turns by less than {straight:g} "
+        "degrees or as the road"
+    ),
+    Label.MERGING: (
+        "another vehicle from another road arrives in the same lane within {merging_gap:g} s"
+    ),
 }
 """Conditions of each class in words, with the thresholds of `Rules` in place."""

@@ -393,7 +393,9 @@ def _later(motion: MotionRows) -> MotionRows:
 
 
 def _on_course(ego: MotionRows, rows: IntArray, ttc: FloatArray) -> BoolArray:
-    """Rows at which the ego drives straight on until the collision; an ego that turns would miss."""
+    """Rows at which the ego drives straight on until the collision; an ego that
+    turns would miss.
+    """
     turning = np.gradient(np.unwrap(ego.h), ego.time)[rows] * ego.speed[rows]
     return np.asarray(0.5 * np.abs(turning) * ttc**2 < _AWAY, bool)
 
@@ -410,7 +412,8 @@ def _meeting(
         at = int(np.flatnonzero(inside)[0])
         view = touching.view
         speed = float(
-            np.hypot(view.speed[at] - view.other_speed[at], view.sideways[at] - view.other_sideways[at])
+            np.hypot(view.speed[at] - view.other_speed[at],
+                view.sideways[at] - view.other_sideways[at])
         )  # fmt: skip
         if speed >= limits.contact:
             time = float(ego.time[touching.rows[at]])
@@ -432,7 +435,9 @@ def _touch(ego: MotionRows, other: MotionRows) -> BoolArray:
 
 
 def _cross(ego: MotionRows, other: MotionRows) -> bool:
-    """Whether two paths have different headings where they are nearest, and both participants move."""
+    """Whether two paths have different headings where they are nearest, and both
+    participants move.
+    """
     from scipy.spatial import KDTree
 
     moving, its = np.abs(ego.speed) > 1.0, np.abs(other.speed) > 1.0

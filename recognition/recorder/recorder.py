@@ -1,4 +1,6 @@
-"""Records traffic, each recording a simulation of its own with its own seed; writes highD and INTERACTION files."""
+"""Records traffic, each recording a simulation of its own with its own seed;
+writes highD and INTERACTION files.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ from xodr.reader import load
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns of equal length under their names, numbers in their shortest form, text without quotes."""
+    """Write columns of equal length under their names, numbers in their shortest
+    form, text without quotes.
+    """
     import pyarrow as pa
     import pyarrow.csv as pacsv
 
@@ -82,7 +86,9 @@ class Traffic:
         return self._at(place + side, self._strip + self._lane)
 
     def beside(self, lanes: int) -> tuple[IntArray, IntArray, IntArray]:
-        """Rows of preceding, alongside and following in the lane that lies `lanes` to the right (negative: left)."""
+        """Rows of preceding, alongside and following in the lane that lies
+        `lanes` to the right (negative: left).
+        """
         group = self._strip + self._lane + lanes
         front = np.searchsorted(self._sorted, self._key(self._lane + lanes))
         ahead, alongside_ahead = self._beyond(front, 1, group)
@@ -119,7 +125,8 @@ _Columns = dict[str, NDArray[Any]]
 
 
 class Sheet:
-    """A straight motorway as highD's image has it: x to the right, y downwards, from the view's upper left corner.
+    """A straight motorway as highD's image has it: x to the right, y downwards,
+    from the view's upper left corner.
 
     Attributes:
         upper, lower: y of the lane markings of each carriageway, ascending, m. limit: m/s.
@@ -192,8 +199,10 @@ def _tracks(
     columns = {
         "frame": motion.frame + 1, "id": chosen + 1,
         "x": x - 0.5 * length, "y": y - 0.5 * width, "width": length, "height": width,
-        "xVelocity": motion.vx, "yVelocity": -motion.vy, "xAcceleration": motion.ax, "yAcceleration": -motion.ay,
-        "frontSightDistance": np.where(upper, to_start, to_end), "backSightDistance": np.where(upper, to_end, to_start),
+        "xVelocity": motion.vx, "yVelocity": -motion.vy, "xAcceleration": motion.ax,
+        "yAcceleration": -motion.ay,
+        "frontSightDistance": np.where(upper, to_start, to_end),
+        "backSightDistance": np.where(upper, to_end, to_start),
     }  # fmt: skip
     columns |= _relations(columns, sheet.lanes(y), upper)
     return {name: np.round(values, 2) + 0 for name, values in columns.items()}  # no negative zeros
@@ -221,7 +230,8 @@ def _relations(columns: _Columns, lane: IntArray, upper: BoolArray) -> _Columns:
         for place, found in zip(("Preceding", "Alongside", "Following"), right, strict=True)
     }
     return {
-        "dhw": gap, "thw": _over(gap, speed), "ttc": _over(gap, np.where(led, speed - speed[lead], 0.0)),
+        "dhw": gap, "thw": _over(gap, speed),
+        "ttc": _over(gap, np.where(led, speed - speed[lead], 0.0)),
         "precedingXVelocity": np.where(led, columns["xVelocity"][lead], 0.0),
         **{name: np.where(row == ABSENT, 0, columns["id"][row]) for name, row in rows.items()},
         "laneId": lane,
@@ -242,12 +252,14 @@ def _vehicles(tracks: _Columns, upper: BoolArray, seen: Sequence[Vehicle]) -> _C
     changes = np.diff(tracks["laneId"], prepend=0) != 0
     changes[starts] = False
     return {
-        "id": tracks["id"][starts], "width": tracks["width"][starts], "height": tracks["height"][starts],
+        "id": tracks["id"][starts], "width": tracks["width"][starts],
+        "height": tracks["height"][starts],
         "initialFrame": first, "finalFrame": last, "numFrames": last - first + 1,
         "class": np.array(["Truck" if one.kind.agent == "truck" else "Car" for one in seen]),
         "drivingDirection": np.where(upper[starts], 1, 2),
         "traveledDistance": np.round(np.abs(tracks["x"][ends] - tracks["x"][starts]), 2),
-        "minXVelocity": np.minimum.reduceat(speed, starts), "maxXVelocity": np.maximum.reduceat(speed, starts),
+        "minXVelocity": np.minimum.reduceat(speed, starts),
+        "maxXVelocity": np.maximum.reduceat(speed, starts),
         "meanXVelocity": np.round(np.add.reduceat(speed, starts) / (ends - starts + 1), 2),
         **{f"min{name.upper()}": _least(tracks[name], starts) for name in ("dhw", "thw", "ttc")},
         "numLaneChanges": np.add.reduceat(changes.astype(np.int64), starts),
@@ -265,7 +277,8 @@ def _recording(number: int, sheet: Sheet, meta: _Columns, frames: int) -> _Colum
     values = {
         "id": number, "frameRate": HIGHD_RATE, "locationId": 1,
         "speedLimit": -1.0 if sheet.limit is None else round(sheet.limit, 2),
-        "month": "1.2025", "weekDay": "Wed", "startTime": "12:00", "duration": round(frames / HIGHD_RATE, 2),
+        "month": "1.2025", "weekDay": "Wed", "startTime": "12:00",
+        "duration": round(frames / HIGHD_RATE, 2),
         "totalDrivenDistance": round(float(meta["traveledDistance"].sum()), 2),
         "totalDrivenTime": round(float(meta["numFrames"].sum()) / HIGHD_RATE, 2),
         "numVehicles": len(meta["id"]), "numCars": len(meta["id"]) - trucks, "numTrucks": trucks,
@@ -293,11 +306,13 @@ def write_interaction(
     seen = [vehicles[one] for one in index.tolist()]
     heading = np.arctan2(np.sin(motion.h), np.cos(motion.h))
     columns = {
-        "track_id": chosen + 1, "frame_id": motion.frame + 1, "timestamp_ms": (motion.frame + 1) * 1000 // INTERACTION_RATE,
+        "track_id": chosen + 1, "frame_id": motion.frame + 1,
+        "timestamp_ms": (motion.frame + 1) * 1000 // INTERACTION_RATE,
         "agent_type": np.array([one.kind.agent for one in seen])[chosen],
         **{name: np.round(getattr(motion, name), 3) + 0.0 for name in ("x", "y", "vx", "vy")},
         "psi_rad": np.round(heading, 3) + 0.0,
-        **{side: np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width")},
+        **{side: np.array([getattr(one, side) for one in seen])[chosen] for side in ("length",
+            "width")},
     }  # fmt: skip
     path = folder / f"vehicle_tracks_{number:03d}.csv"
     write_csv(path, columns)
@@ -316,7 +331,9 @@ _FEWEST = 3
 _SHORTEST = 20.0
 """Length of a recording at any scale, s."""
 _ATTEMPTS = 30
-"""SUMO's drivers collide now and then, for want of an eye for it. Such traffic is not used, other traffic drawn instead."""
+"""SUMO's drivers collide now and then, for want of an eye for it. Such traffic
+is not used, other traffic drawn instead.
+"""
 _CLEARANCE = 0.1
 """Boxes that are nearer to each other than this count as colliding, m."""
 _VARIATION = (0.75, 1.25)
@@ -335,7 +352,8 @@ class _Task:
 
 
 def record(
-    out: Path, *, scale: float = 1.0, seed: int = 0, sites: Sequence[str] | None = None, jobs: int = 1,
+    out: Path, *, scale: float = 1.0, seed: int = 0, sites: Sequence[str] | None = None,
+    jobs: int = 1,
     progress: Callable[[int, int], None] | None = None, families: int = 0,
 ) -> list[Path]:  # fmt: skip
     """Record traffic at our sites, in a folder for each.
@@ -378,7 +396,8 @@ def record(
 
 
 def record_one(site: SimulatedSite, out: Path, length: float, seed: int = 0) -> Path:
-    """Record traffic at a site of any kind for so long (s), into a folder `out` / its name; the track file.
+    """Record traffic at a site of any kind for so long (s), into a folder `out`
+    / its name; the track file.
 
     Raises:
         UsageError: the folder is not empty or can't be written.
@@ -411,7 +430,9 @@ def _verify(
 
 @contextmanager
 def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
-    """Tasks in hidden folders with the sites' maps, which become the sites' folders at the end; an error leaves nothing."""
+    """Tasks in hidden folders with the sites' maps, which become the sites'
+    folders at the end; an error leaves nothing.
+    """
     sites = {task.folder: task.site for task in tasks}
     with writing("the recordings", out):
         for folder in sites:

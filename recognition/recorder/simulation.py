@@ -128,7 +128,8 @@ class Sensor:
             turn[axis] += slope * (wave @ along)
         heading = np.arctan2(*(along + turn)[::-1]) - np.arctan2(*along[::-1])
         return moving._replace(
-            x=moving.x + shift[0], y=moving.y + shift[1], vx=moving.vx + change[0], vy=moving.vy + change[1],
+            x=moving.x + shift[0], y=moving.y + shift[1], vx=moving.vx + change[0],
+            vy=moving.vy + change[1],
             h=moving.h + (heading + np.pi) % (2.0 * np.pi) - np.pi,
         )  # fmt: skip
 
@@ -309,14 +310,17 @@ def simulate(
         write_routes(departing, net, Path(folder) / "routes.xml")
         arguments = [
             str(sumo_home() / "bin" / "sumo"), f"--net-file={net.path}", "--route-files=routes.xml",
-            "--fcd-output=fronts.parquet", "--fcd-output.attributes=id,x,y,angle", "--fcd-output.skip-empty",
+            "--fcd-output=fronts.parquet", "--fcd-output.attributes=id,x,y,angle",
+            "--fcd-output.skip-empty",
             f"--device.fcd.begin={begin:.2f}", f"--end={end:.2f}", f"--seed={seed}",
-            f"--step-length={1 / STEPS}", f"--lateral-resolution={_SUBLANE}", "--time-to-teleport=-1", "--collision.action=none",
+            f"--step-length={1 / STEPS}", f"--lateral-resolution={_SUBLANE}",
+            "--time-to-teleport=-1", "--collision.action=none",
             "--no-step-log", "--no-warnings", "--xml-validation=never",
         ]  # fmt: skip
         try:
             done = subprocess.run(
-                arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+                arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())},
+                stdin=subprocess.DEVNULL,
                 capture_output=True, timeout=60.0 + _SLOWEST * end, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:

@@ -29,7 +29,8 @@ from xodr.model.geometry import Cubic
 
 
 def kerbside(
-    *, lanes: int = 2, lane_width: float = 3.25, approach: float = 200.0, taper: float = 25.0, kerb: float = 250.0,
+    *, lanes: int = 2, lane_width: float = 3.25, approach: float = 200.0, taper: float = 25.0,
+    kerb: float = 250.0,
     speed_limit: float = 50 / 3.6,
 ) -> RoadMap:  # fmt: skip
     """A straight street along the x axis with a lane at either kerb, for a while, in which people
@@ -132,7 +133,8 @@ def _fixed_motorway(
 
 
 def _fixed_street(
-    name: str, build: Callable[[], RoadMap], view: CameraView, rate: float, recordings: int, minutes: float,
+    name: str, build: Callable[[], RoadMap], view: CameraView, rate: float, recordings: int,
+    minutes: float,
     parking: tuple[Parking, ...] = (),
 ) -> SimulatedSite:  # fmt: skip
     """A street through a town, with the rate of each direction."""
@@ -150,7 +152,9 @@ def junction(
     recordings: int,
     minutes: float,
 ) -> SimulatedSite:
-    """Roads that lead away from a place; "12": 300 are 300 vehicles per hour from road 1 to road 2."""
+    """Roads that lead away from a place; "12": 300 are 300 vehicles per hour
+    from road 1 to road 2.
+    """
     found = tuple(Flow((way[0], 1), (way[1], -1), rate) for way, rate in flows.items())
     return SimulatedSite(
         name,
@@ -201,12 +205,14 @@ SITES: dict[str, SimulatedSite] = {
         _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 44, 5.0),
         _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 40, 5.0),
         _fixed_street(
-            "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
+            "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25,
+                length=700.0, speed_limit=50 / 3.6),
             CameraView(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 2.0,
         ),
         _fixed_street(
             "arterial_curve",
-            partial(sharp_curve, radius=500.0, angle=0.7, lanes=2, opposite_lanes=2, approach=250.0, speed_limit=70 / 3.6),
+            partial(sharp_curve, radius=500.0, angle=0.7, lanes=2, opposite_lanes=2, approach=250.0,
+                speed_limit=70 / 3.6),
             CameraView(120.0, -40.0, 660.0, 250.0), 1300.0, 20, 2.0,
         ),
         _fixed_street(
@@ -214,10 +220,12 @@ SITES: dict[str, SimulatedSite] = {
             CameraView(120.0, -40.0, 630.0, 40.0), 700.0, 375, 1.0, _KERB,
         ),
         junction("roundabout", roundabout, 120.0, evenly("1234", 350.0), 22, 2.5),
-        junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, evenly("12345", 300.0), 22, 2.5),
+        junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0,
+            evenly("12345", 300.0), 22, 2.5),
         junction("crossing", four_way_intersection, 120.0, evenly("1234", 300.0), 90, 4.0),
         junction(
-            "t_junction", t_junction, 120.0, {"31": 700.0, "41": 350.0, "13": 200.0, "14": 60.0, "34": 60.0, "43": 60.0}, 80, 6.0
+            "t_junction", t_junction, 120.0,
+            {"31": 700.0, "41": 350.0, "13": 200.0, "14": 60.0, "34": 60.0, "43": 60.0}, 80, 6.0
         ),
     )
 }  # fmt: skip
@@ -249,7 +257,8 @@ def _sensor(rng: Draw) -> Sensor:
     if rng.random() < 0.5:
         return EXACT
     return Sensor(
-        noise=float(rng.uniform(0.02, 0.25)), distortion=float(rng.uniform(0.0, 0.7)), dropped=float(rng.uniform(0.0, 0.1)),
+        noise=float(rng.uniform(0.02, 0.25)), distortion=float(rng.uniform(0.0, 0.7)),
+        dropped=float(rng.uniform(0.0, 0.1)),
         cut=float(rng.uniform(0.0, 0.6)),
     )  # fmt: skip
 
@@ -298,7 +307,8 @@ def _bend(name: str, rng: Draw) -> SimulatedSite:
     lanes, limit = int(rng.integers(2, 6)), float(rng.uniform(80.0, 130.0))
     build = partial(
         sharp_curve, radius=float(rng.uniform(400.0, 1500.0)), angle=float(rng.uniform(0.2, 0.6)),
-        turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=0, lane_width=float(rng.uniform(3.2, 4.0)),
+        turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=0,
+        lane_width=float(rng.uniform(3.2, 4.0)),
         approach=350.0, speed_limit=limit * _KMH,
     )  # fmt: skip
     flows = (Flow(("1", -1), ("1", -1), float(rng.uniform(300.0, 1700.0)) * lanes),)
@@ -317,8 +327,10 @@ def _bend(name: str, rng: Draw) -> SimulatedSite:
 def _ramp_sizes(rng: Draw) -> dict[str, float]:
     limit = float(rng.uniform(80.0, 130.0))
     return {
-        "lanes": int(rng.integers(1, 5)), "lane_width": float(rng.uniform(3.2, 4.0)), "ramp_width": float(rng.uniform(3.4, 4.5)),
-        "taper": float(rng.uniform(40.0, 100.0)), "ramp": 300.0, "angle": float(rng.uniform(0.05, 0.12)),
+        "lanes": int(rng.integers(1, 5)), "lane_width": float(rng.uniform(3.2, 4.0)),
+        "ramp_width": float(rng.uniform(3.4, 4.5)),
+        "taper": float(rng.uniform(40.0, 100.0)), "ramp": 300.0,
+        "angle": float(rng.uniform(0.05, 0.12)),
         "speed_limit": limit * _KMH, "ramp_speed_limit": float(rng.uniform(60.0, 80.0)) * _KMH,
     }  # fmt: skip
 
@@ -378,7 +390,8 @@ def _street(
 def _arterial(name: str, rng: Draw) -> SimulatedSite:
     lanes = int(rng.integers(2, 5))
     build = partial(
-        narrow_road, lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)), length=700.0,
+        narrow_road, lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)),
+        length=700.0,
         speed_limit=float(rng.uniform(40.0, 70.0)) * _KMH,
     )  # fmt: skip
     return _street(
@@ -395,7 +408,8 @@ def _arterial_bend(name: str, rng: Draw) -> SimulatedSite:
     lanes = int(rng.integers(2, 4))
     build = partial(
         sharp_curve, radius=float(rng.uniform(120.0, 500.0)), angle=float(rng.uniform(0.3, 1.2)),
-        turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)),
+        turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=lanes,
+        lane_width=float(rng.uniform(2.8, 3.6)),
         approach=250.0, speed_limit=float(rng.uniform(45.0, 70.0)) * _KMH,
     )  # fmt: skip
     return _street(

@@ -90,7 +90,8 @@ TRAILER = Kind(
     Uniform(0.6, 1.0), Uniform(2.0, 3.0),
 )  # fmt: skip
 MOTORBIKE = Kind(
-    "motorcycle", "motorcycle", Normal(2.15, 0.08), Normal(0.85, 0.04), Normal(1.05, 0.12), Normal(55, 5),
+    "motorcycle", "motorcycle", Normal(2.15, 0.08), Normal(0.85, 0.04), Normal(1.05, 0.12),
+    Normal(55, 5),
     Uniform(2.0, 3.5), Uniform(3.0, 5.0),
 )  # fmt: skip
 
@@ -147,7 +148,8 @@ def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
     length, width = (round(size.draw(rng), 2) for size in (kind.length, kind.width))
     drawn = {name: distribution.draw(rng) for name, distribution in fleet.driver.items()}
     drawn |= {
-        "length": length, "width": width, "speedFactor": max(kind.speed_factor.draw(rng), 0.5), "maxSpeed": kind.top.draw(rng),
+        "length": length, "width": width, "speedFactor": max(kind.speed_factor.draw(rng), 0.5),
+        "maxSpeed": kind.top.draw(rng),
         "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),
     }  # fmt: skip
     fixed = {"vClass": kind.vehicle_class, "carFollowModel": "EIDM", "speedDev": "0"}
@@ -235,9 +237,11 @@ def write_routes(departing: Sequence[Departure], net: SumoNet, path: Path) -> No
         etree.SubElement(root, "vType", departure.vehicle.type, id=f"type.{number}")
     for number, departure in enumerate(departing):
         trip = etree.SubElement(
-            root, "trip", {"from": _edge(net, departure.start, first=True), "to": _edge(net, departure.end, first=False)},
+            root, "trip", {"from": _edge(net, departure.start, first=True),
+                "to": _edge(net, departure.end, first=False)},
             id=str(number), type=f"type.{number}", depart=f"{departure.time:.2f}",
-            departLane="first" if departure.vehicle.kind.agent == "truck" else "best", departSpeed="max", departPos="base",
+            departLane="first" if departure.vehicle.kind.agent == "truck" else "best",
+            departSpeed="max", departPos="base",
         )  # fmt: skip
         if departure.stand:
             _stand(trip, net, departure.stand)

@@ -81,7 +81,8 @@ class OddConditions(NamedTuple):
 
 
 def conditions_of(path: Path, name: str, stated: OddConditions) -> OddConditions:
-    """Conditions of a recording: those in the nearest `odd.toml`, before the ones that its data state.
+    """Conditions of a recording: those in the nearest `odd.toml`, before the
+    ones that its data state.
 
     Args:
         path: main file of the recording.

@@ -1,5 +1,5 @@
-"""Intake of recordings: the report on reading one (gaps, cuts, exclusions), and checks of physics with
-one verdict, reasons, and a number for the quality.
+"""Intake of recordings: the report on reading one (gaps, cuts, exclusions), and checks of physics
+with one verdict, reasons, and a number for the quality.
 
 Each check looks at one property of all tracks: step of the clock, speeds by category, overlaps,
 missing frames, jumps, sizes, headings, and (on a map) the share of places on lanes and against the
@@ -141,7 +141,8 @@ _UNITS = {"km/h": 3.6, "mph": 2.23694, "ft/s": 3.28084, "knots": 1.94384}
 _ALIKE = 0.02
 """Relative difference below which a ratio is that of a unit"""
 _FASTEST = {
-    "car": 70.0, "van": 60.0, "truck": 45.0, "trailer": 45.0, "bus": 45.0, "tram": 35.0, "motorbike": 80.0, "bicycle": 16.0,
+    "car": 70.0, "van": 60.0, "truck": 45.0, "trailer": 45.0, "bus": 45.0, "tram": 35.0,
+    "motorbike": 80.0, "bicycle": 16.0,
     "pedestrian": 7.0,
 }  # fmt: skip
 """Speed (m/s) above which hardly any of a category moves: a bicycle downhill, a sprinting
@@ -205,7 +206,9 @@ class _RecordedRows(NamedTuple):
 
 
 class _Second(NamedTuple):
-    """Motion within about a second (`steps_compared`) from rows (n,): row, row at the end, time (s), way (m)."""
+    """Motion within about a second (`steps_compared`) from rows (n,): row, row
+    at the end, time (s), way (m).
+    """
 
     here: IntArray
     there: IntArray
@@ -297,7 +300,8 @@ def check_ratio(ratio: FloatArray, step: float) -> Check | None:
             "step",
             REFUSED,
             1.0,
-            f"{places} (half of them at {low:.2f} to {high:.2f} times): clock, places or speeds are wrong",
+            f"{places} (half of them at {low:.2f} to {high:.2f} times): clock, "
+            "places or speeds are wrong",
         )
     unit = next(
         (name for name, factor in _UNITS.items() if abs(middle * factor - 1.0) < _ALIKE), None
@@ -413,7 +417,9 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
 
 
 def overlapping(tracks: Sequence[Track], time: float) -> tuple[IntArray, int]:
-    """Pairs (n, 2) of tracks whose boxes overlap at a time (s), and the number of tracks present."""
+    """Pairs (n, 2) of tracks whose boxes overlap at a time (s), and the number
+    of tracks present.
+    """
     from shapely import STRtree, area, intersection, polygons
 
     there, corners = [], []
@@ -463,7 +469,10 @@ def _jumps(report: Report) -> Check | None:
     if not jumping:
         return None
     share = len(jumping) / max(report.tracks, 1)
-    reason = f"{len(jumping)} tracks jump, their ids were used twice or their places are wrong: they are cut there"
+    reason = (
+        f"{len(jumping)} tracks jump, their ids were used twice or their places are wrong: they "
+        "are cut there"
+    )
     return Check(
         "ids",
         REFUSED if share > _JUMPING and len(jumping) >= _FEWEST else REPAIRED,
@@ -509,7 +518,10 @@ def _headings(rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]) ->
     if aside <= 0.02:
         return None
     back = float((angle > _BACKWARDS).mean())
-    reason = f"at {aside:.0%} of the times vehicles move aside of their headings or backwards ({back:.0%})"
+    reason = (
+        f"at {aside:.0%} of the times vehicles move aside of their headings or backwards "
+        f"({back:.0%})"
+    )
     refused = aside > 0.5
     return Check(
         "headings",

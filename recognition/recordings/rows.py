@@ -154,7 +154,8 @@ def in_order(
     """
     if not clock.step >= _LEAST_STEP:
         raise InvalidFile(
-            f"{clock.column}: frames are {clock.step:g} s apart, at least {_LEAST_STEP:g} s is expected"
+            f"{clock.column}: frames are {clock.step:g} s apart, at least "
+            f"{_LEAST_STEP:g} s is expected"
         )
     # Stable: without `sort` the file's own order within a track has to be that of time.
     order = np.lexsort((clock.counts, track)) if sort else np.argsort(track, kind="stable")
@@ -527,6 +528,7 @@ def changes(table: Table, rows: Rows, names: Sequence[str], columns: Sequence[st
         if changing:
             more = f" and {len(changing) - _SHOWN} more" if len(changing) > _SHOWN else ""
             remarks.append(
-                f"{column} changes within tracks ({', '.join(changing[:_SHOWN])}{more}): that of the first row counts"
+                f"{column} changes within tracks ({', '.join(changing[:_SHOWN])}{more}): that of "
+                "the first row counts"
             )
     return remarks

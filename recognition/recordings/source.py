@@ -215,7 +215,10 @@ def _columns_hint(path: Path) -> str:
         return ""
     with suppress(OSError, ValueError), path.open(encoding="utf-8") as file:
         names = one_line(file.readline(_LONGEST_HEAD).strip())
-        return f"; its first line is {names!r}: a columns.toml beside it, or --columns FILE, says which column is which"
+        return (
+            f"; its first line is {names!r}: a columns.toml beside it, or --columns FILE, says "
+            "which column is which"
+        )
     return ""
 
 
@@ -253,7 +256,9 @@ _LONGEST, _WIDEST = 100.0, 10.0
 
 
 def wrong_size(category: str, length: float, width: float) -> str | None:
-    """Return what is wrong with the size (m) of what moves, such as other units; None for nothing."""
+    """Return what is wrong with the size (m) of what moves, such as other units;
+    None for nothing.
+    """
     too_large = length > _LONGEST or width > _WIDEST
     return f"{length:g} m by {width:g} m is no size of a {category}" if too_large else None
 

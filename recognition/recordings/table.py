@@ -1,4 +1,6 @@
-"""Tables of data sets in CSV, Parquet and JSON, and checked values of objects in maps and scenes."""
+"""Tables of data sets in CSV, Parquet and JSON, and checked values of objects in
+maps and scenes.
+"""
 
 from __future__ import annotations
 

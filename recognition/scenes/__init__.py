@@ -63,7 +63,10 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
     if source.road is not None:
         with writing("the road", folder):
             return source.road(recording, folder)
-    what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map {source.site}.osm; --road FILE names one"
+    what = (
+        f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map "
+        f"{source.site}.osm; --road FILE names one"
+    )
     raise UsageError(what, path=source.path)
 
 
@@ -109,7 +112,10 @@ def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
                 f"{on_road:.0%} of the vehicles' places are on a road of {name}",
             )
         )
-    across = f"at {astray:.0%} of their places vehicles go across the lanes of {name} or against the traffic there"
+    across = (
+        f"at {astray:.0%} of their places vehicles go across the lanes of {name} or against the "
+        "traffic there"
+    )
     if astray > _MOST_ASTRAY:
         found.append(Check("flow", REFUSED, astray, f"{across}: {needed}"))
     elif astray > 0.0:

@@ -168,7 +168,9 @@ class Excerpt:
 
 
 class _FrameRows(NamedTuple):
-    """The rows of all tracks (n,) in the order of their frames: number of the track, and place (m)."""
+    """The rows of all tracks (n,) in the order of their frames: number of the
+    track, and place (m).
+    """
 
     frame: IntArray
     track: IntArray

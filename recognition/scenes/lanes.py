@@ -318,7 +318,9 @@ class _Lookup:
             self._table[self._first[self._roads[road]] + section, lane + self._reach] = number
 
     def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
-        """Index of the strip of each row (n,), NOWHERE where it is on none; s in m along the roads."""
+        """Index of the strip of each row (n,), NOWHERE where it is on none; s in
+        m along the roads.
+        """
         begins = np.flatnonzero(np.append(True, road_id[1:] != road_id[:-1]))[
             : len(road_id)
         ]  # rows of a track stay on a road

@@ -479,7 +479,10 @@ class _Ramps:
                     continue
                 if self._links[1 - way][chain[-1]]:
                     continue
-                reason = f"{far} at the border of the map and {verb} beside other lanes: of a ramp or a through lane"
+                reason = (
+                    f"{far} at the border of the map and {verb} beside other lanes: of a ramp or "
+                    "a through lane"
+                )
                 unsure |= dict.fromkeys(chain, LaneGuess(LaneRole.MAIN, _UNSURE, reason))
         return unsure
 
@@ -500,7 +503,9 @@ class _Ramps:
         return bool(goes) and (not onwards or into)
 
     def _wide(self, place: int, way: int) -> int:
-        """The nearest place on the same strip, away from its end, that is wide enough to drive on."""
+        """The nearest place on the same strip, away from its end, that is wide
+        enough to drive on.
+        """
         places, step = self._places, -1 if way == 0 else 1
         strip = places.strip[place]
         at = place

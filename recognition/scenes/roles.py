@@ -402,7 +402,8 @@ def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> RoleRange
         raise wrong("from and to are numbers, m")
     if not -_TOLERANCE <= start < end <= road.length + _TOLERANCE:
         raise wrong(
-            f"from {start:g} to {end:g} m is no stretch of road {road.id}, which is {road.length:g} m long"
+            f"from {start:g} to {end:g} m is no stretch of road {road.id}, which is "
+            f"{road.length:g} m long"
         )
     lanes = {
         lane

@@ -1,4 +1,6 @@
-"""TRFE: recognise scenarios of known classes, set aside unknown ones, find new classes among them, and go on with those."""
+"""TRFE: recognise scenarios of known classes, set aside unknown ones, find new
+classes among them, and go on with those.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ if TYPE_CHECKING:
     from recognition.trfe.encoder.model import Encoder
 
 _CALIBRATING = 0.3
-"""Share of a promoted class's samples that calibrate the screening; the forest is fitted on the others."""
+"""Share of a promoted class's samples that calibrate the screening; the forest
+is fitted on the others.
+"""
 
 
 class Recognition(NamedTuple):
@@ -83,7 +87,8 @@ class TRFE:
         >>> centres = 8.0 * np.eye(4)[labels]
         >>> first, second = (random.normal(centres) for _ in range(2))
         >>> model = xt.TRFE(Config(delta=0.05, trees=50)).fit(first, labels, second, labels)
-        >>> model.recognise([[0.0, 8.0, 0.0, 0.0], [0.0, 0.0, 8.0, 0.0], [8.0, 0.0, 0.0, 0.0]]).labels.tolist()
+        >>> recognised = model.recognise(8.0 * np.eye(4)[[1, 2, 0]])
+        >>> recognised.labels.tolist()
         [1, 2, 0]
     """
 
@@ -139,7 +144,8 @@ class TRFE:
         return self
 
     def encode(self, inputs: ArrayLike) -> Features:
-        """Features (n, d) of windows (n, ...): what changes in them, where the model looks at it, and what the encoders read.
+        """Features (n, d) of windows (n, ...): what changes in them, where the model looks at it,
+        and what the encoders read.
 
         Features stay as they are.
 
@@ -157,7 +163,9 @@ class TRFE:
         )
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
-        """The known class of each sample (n, …), windows or features, or that it is unknown, or nothing."""
+        """The known class of each sample (n, …), windows or features, or that it
+        is unknown, or nothing.
+        """
         features, known = self.encode(inputs), self.known
         seen = self.config.recognising(features)
         votes = known.forest.vote(seen)
@@ -177,7 +185,8 @@ class TRFE:
         return Recognition(labels, most / self.config.trees, score, closed, features, share)
 
     def least_share(self, label: int) -> float:
-        """Return the least share of the votes for classes that a class needs; with less, a sample is taken for `BACKGROUND`.
+        """Return the least share of the votes for classes that a class needs; with less, a sample
+        is taken for `BACKGROUND`.
 
         A class that no development data has an optimum for needs the median of the others' shares.
         Discovered classes need none. Besides, a class of a model with least shares needs as many of
@@ -218,7 +227,8 @@ class TRFE:
         return discover(self.known, self.buffer, self.config, self.steps)
 
     def expand(self, discovery: Discovery) -> None:
-        """Take promoted clusters as known classes: they leave the buffer, and forest, screening and prototypes are made anew.
+        """Take promoted clusters as known classes: they leave the buffer, and forest, screening and
+        prototypes are made anew.
 
         δ stays what it is: to choose it again would take a forest for each class.
         """
@@ -242,7 +252,9 @@ class TRFE:
 
 
 def share_of_each(labels: IntArray, seed: int) -> BoolArray:
-    """Mask (n,) of the promoted samples that calibrate: a random share of each class, at least one."""
+    """Mask (n,) of the promoted samples that calibrate: a random share of each
+    class, at least one.
+    """
     chosen = np.zeros(len(labels), dtype=bool)
     random = np.random.default_rng(seed)
     for label in np.unique(labels):
@@ -254,8 +266,8 @@ def share_of_each(labels: IntArray, seed: int) -> BoolArray:
 def features_of(
     encoders: Sequence[StoredEncoder | Encoder], windows: NDArray[np.floating[Any]]
 ) -> Features:
-    """Features (n, dim) of windows, those of several encoders beside each other; of encoders that are
-    being trained by torch.
+    """Features (n, dim) of windows, those of several encoders beside each other; of encoders that
+    are being trained by torch.
 
     Raises:
         UsageError: windows of another shape.

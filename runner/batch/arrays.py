@@ -396,7 +396,9 @@ def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
 
 
 def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:
-    """Consecutive jobs of one scenario and seed with the same parameters, and outcomes as they are."""
+    """Consecutive jobs of one scenario and seed with the same parameters, and
+    outcomes as they are.
+    """
     chunk: list[Job] = []
     for job in jobs:
         if isinstance(job, Outcome):

@@ -190,7 +190,10 @@ def _writable(out: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = f"results can't be written: {error.strerror or error}; --resume goes on after the runs that are finished"
+        reason = (
+            f"results can't be written: {error.strerror or error}; --resume goes on after the "
+            "runs that are finished"
+        )
         raise UsageError(reason, path=out) from None
 
 

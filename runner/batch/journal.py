@@ -151,7 +151,8 @@ class Journal:
             [],
         )  # what could not be synced once is not to be trusted a second time
         folders = [self._out / outcome.job.name for outcome in finished if outcome.files]
-        # Files before folders before the journal: a power loss never leaves an entry without its run.
+        # Files before folders before the journal: a power loss never leaves an
+        # entry without its run.
         sync(
             [self._out / outcome.job.name / name for outcome in finished for name in outcome.files]
         )
@@ -200,7 +201,8 @@ def begin(
     settings = finite(settings)
     if records.path.exists() and not resume:
         raise UsageError(
-            "this folder holds the results of an earlier batch; use --resume to go on with it, --overwrite to replace it",
+            "this folder holds the results of an earlier batch; use --resume to go on with it, "
+            "--overwrite to replace it",
             path=out,
         )
     done: dict[str, Outcome] = {}
@@ -251,7 +253,10 @@ def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Pat
         None,
     )
     if other is not None:
-        reason = f"this folder holds a batch with runs of {other}, which is not among the files: give the same, or another folder"
+        reason = (
+            f"this folder holds a batch with runs of {other}, which is not among the files: give "
+            "the same, or another folder"
+        )
         raise UsageError(reason, path=out)
 
 
@@ -283,7 +288,8 @@ def _tell(
     for fault in sorted(set(faults.values())):
         names = [name for name, other in faults.items() if other == fault]
         tell(
-            f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})"
+            f"{many(len(names), 'finished run')} {fault}: run anew "
+            f"({names[0]}{', …' if len(names) > 1 else ''})"
         )
     if before.damaged:
         lines = many(len(before.damaged), "line")
@@ -385,7 +391,9 @@ _NAMED = 5
 
 
 def repeated_by(path: Path) -> str:
-    """Return the command that repeats a batch, or a run of it; empty where the folder is neither."""
+    """Return the command that repeats a batch, or a run of it; empty where the
+    folder is neither.
+    """
     batch = path if is_batch(path) else path.parent
     if not is_batch(batch):
         return ""

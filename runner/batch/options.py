@@ -130,7 +130,8 @@ class BatchOptions:
     jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N", shared=True)
     in_arrays: bool | None = option(
         None,
-        "Play parameter sets in arrays, kinematically, where all elements can; record failures and nearest misses only. "
+        "Play parameter sets in arrays, kinematically, where all elements can; record failures "
+        "and nearest misses only. "
         "By default from 200 sets on in the kinematic world.",
         "--batch/--no-batch",
     )
@@ -176,11 +177,13 @@ class BatchOptions:
                 else ("--osi", "xosc-export --to osi writes their traces")
             )
             raise UsageError(
-                f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}"
+                f"{option} is of runs that are played, and --resume leaves out "
+                f"finished ones: {instead}"
             )
         if self.overwrite and (self.out is None or self.resume or self.dry_run):
             raise UsageError(
-                "--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run"
+                "--overwrite replaces the batch of --out by one that is run: without "
+                "--resume and --dry-run"
             )
         if self.in_arrays and self.dry_run:
             raise UsageError("--batch plays parameter sets, and --dry-run plays nothing")
@@ -223,7 +226,10 @@ class BatchOptions:
             from runner.batch.journal import SEAL_KEY, seal_key
 
             if seal_key() is None:
-                reason = f"--untrusted does not believe a stored batch, which may hide new failures, without {SEAL_KEY}"
+                reason = (
+                    "--untrusted does not believe a stored batch, which may hide new failures, "
+                    f"without {SEAL_KEY}"
+                )
                 raise UsageError(reason, path=self.against)
         if self.dry_run:
             raise UsageError("--against compares runs, and --dry-run has none")

@@ -36,7 +36,9 @@ from schemas.common.policy import CommandPolicy, current, in_force
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 _AHEAD = 8
-"""Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
+"""Runs handed out for each process ahead of need: few, so that a space of any
+size is never enumerated.
+"""
 
 _ENDING = 3.0
 """Time (s) that running jobs have to end when no more outcomes are wanted"""
@@ -45,7 +47,8 @@ _Pending = tuple[Job, "Future[Outcome]"] | Outcome
 
 
 class Pool:
-    """Does jobs in several processes, each job once. A context manager; the processes last as long as it does.
+    """Does jobs in several processes, each job once. A context manager; the
+    processes last as long as it does.
 
     Args:
         processes: how many.
@@ -77,7 +80,9 @@ class Pool:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[Outcome]:
-        """Outcomes in the order of the jobs; what is an outcome already passes through. For one caller at a time."""
+        """Outcomes in the order of the jobs; what is an outcome already passes
+        through. For one caller at a time.
+        """
         waiting: deque[_Pending] = deque()
         try:
             while True:
@@ -254,7 +259,8 @@ def dismiss(pool: ProcessPoolExecutor) -> None:
 
 
 def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
-    """Processes that end quietly on Ctrl-C, and with the one that made them; each under the policy that is in force here.
+    """Processes that end quietly on Ctrl-C, and with the one that made them;
+    each under the policy that is in force here.
 
     Started anew they are no copies of this process, whose libraries may have threads that copies
     lack; processes of their own are started as those of this one are.
@@ -267,7 +273,8 @@ def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
 
 
 def begin_worker(policy: CommandPolicy, start: str) -> None:
-    """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended.
+    """Make a worker end quietly on Ctrl-C, which reaches all processes of a
+    terminal, and when its parent has ended.
 
     Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.
     """
@@ -301,7 +308,8 @@ _STORE = 100_000_000
 
 
 class RayPool:
-    """Does jobs as tasks of a Ray cluster, each job once, again where its process died. A context manager.
+    """Does jobs as tasks of a Ray cluster, each job once, again where its
+    process died. A context manager.
 
     A program that is connected to a cluster already goes on with that.
 

@@ -39,7 +39,8 @@ _EXAMPLES = (
     "xosc-export --targets",
 )
 _EPILOG = exit_codes("all exported", "", "an exported run did not test what its file describes") + (
-    " 4 is also a file that says what the target cannot. What each target keeps, changes and loses is told in docs/exports.md."
+    " 4 is also a file that says what the target cannot. What each target keeps, changes and "
+    "loses is told in docs/exports.md."
 )
 
 app = new_app()
@@ -97,7 +98,8 @@ def xosc_export(
     target = target_of(to)
     if target is None:
         raise UsageError(
-            f"there is no target {to!r}; {nearest(to, (*TARGETS, *installed(GROUP)))} (--targets explains them)"
+            f"there is no target {to!r}; {nearest(to, (*TARGETS, *installed(GROUP)))} (--targets "
+            "explains them)"
         )
     sources = _sources(paths)
     selection = selection_of(only, sample, settings.seed, sources)
@@ -123,7 +125,10 @@ def _sources(paths: list[str]) -> list[Path]:
 
     for path in paths:
         if journal.repeated_by(Path(path)):
-            told = "results of runs are here: name their scenarios; one with the values of a run is written by "
+            told = (
+                "results of runs are here: name their scenarios; one with the values of "
+                "a run is written by "
+            )
             raise UsageError(f"{told}xosc new scenario NAME --like FILE -p NAME=VALUE", path=path)
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 
@@ -156,7 +161,10 @@ def _tell(exports: Iterator[Exported], sources: Sequence[Path], quiet: bool, out
             say(f"{name}: exported", *(f"  {remark}" for remark in remarks))
     if not sum(counts.values()):
         more = f" (and {len(sources) - 1} more)" if len(sources) > 1 else ""
-        told = "this is a catalog, nothing in it can be run: its entries are part of the scenarios that use them"
+        told = (
+            "this is a catalog, nothing in it can be run: its entries are part of the scenarios "
+            "that use them"
+        )
         raise InvalidFile(told + more, path=sources[0])
     if sum(counts.values()) > 1 and not quiet:
         print(f"{counts[True]} exported, {counts[False]} not")

@@ -237,7 +237,8 @@ class Session:
             raise self._refused("the scenario has no ego that step() could control")
         if not isinstance(self._system, Commanded):
             raise self._refused(
-                f"{system_name(self.settings.sut)!r} drives the ego: leave `sut` out to control it by step()"
+                f"{system_name(self.settings.sut)!r} drives the ego: leave `sut` out to control "
+                "it by step()"
             )
         if not is_finite(control):
             raise self._refused(f"step() was given {control}, finite numbers are expected")
@@ -384,7 +385,8 @@ def run(
 
     Example:
         >>> import xosc_toolchain as xt
-        >>> result = xt.run("xosc/library/simple_cut_in.xosc", parameters={"CutIn_Gap_m": 12}, sut="adas", world="kinematic")
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", parameters={"CutIn_Gap_m": 12},
+        ...                 sut="adas", world="kinematic")
         >>> result.status, result.verdict.outcome
         ('completed', 'passed')
     """

@@ -207,7 +207,10 @@ class RunResult:
 
     def __repr__(self) -> str:
         reasons = f" ({'; '.join(self.verdict.reasons)})" if self.verdict.reasons else ""
-        return f"<RunResult {self.name}: {self.verdict.outcome}{reasons}, {self.status} at {self.end_time:.2f} s, sut {self.sut}>"
+        return (
+            f"<RunResult {self.name}: {self.verdict.outcome}{reasons}, {self.status} at "
+            f"{self.end_time:.2f} s, sut {self.sut}>"
+        )
 
     def _repr_html_(self) -> str:
         """Table and replay, as notebooks show them."""

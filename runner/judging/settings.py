@@ -1,4 +1,6 @@
-"""The settings of a run: everything that is chosen besides the scenario and the values of its parameters."""
+"""The settings of a run: everything that is chosen besides the scenario and the
+values of its parameters.
+"""
 
 from __future__ import annotations
 
@@ -152,14 +154,16 @@ class RunSettings:
     fail_if: tuple[str, ...] = ()
     least: tuple[str, ...] = option(
         (),
-        "Least value of evidence without which a run is inconclusive, as ego_seconds=2 (see docs/batches.md).",
+        "Least value of evidence without which a run is inconclusive, as ego_seconds=2 (see "
+        "docs/batches.md).",
         "--least",
         metavar="NAME=VALUE",
         shared=True,
     )
     enforce_constraints: bool = option(
         True,
-        "Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
+        "Refuse parameter values that violate constraint groups; leave such sets of a "
+        "distribution out.",
         "--constraints/--no-constraints",
         shared=True,
     )
@@ -171,7 +175,8 @@ class RunSettings:
     )
     road: str | None = option(
         None,
-        "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
+        "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the "
+        "positions use them.",
         files=READ,
         metavar="FILE|auto",
         shared=True,
@@ -205,7 +210,8 @@ class RunSettings:
             )
         if self.world not in WORLDS:
             raise UsageError(
-                f"the world {self.world!r} is not one of {', '.join(WORLDS)}; {nearest(self.world, WORLDS)}"
+                f"the world {self.world!r} is not one of {', '.join(WORLDS)}; "
+                f"{nearest(self.world, WORLDS)}"
             )
         if self.road not in (None, MADE) and not os.path.isfile(self.road):
             raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
@@ -217,7 +223,8 @@ class RunSettings:
                 and limit.value > self.max_time
             ):
                 raise UsageError(
-                    f"--fail-if {limit.text!r}: no run takes longer than --max-time {self.max_time:g}"
+                    f"--fail-if {limit.text!r}: no run takes longer than --max-time "
+                    f"{self.max_time:g}"
                 )
         if not 0.0 < self.sut_timeout <= _LONGEST:
             raise UsageError(
@@ -230,7 +237,8 @@ class RunSettings:
 
     @classmethod
     def of_project(cls, **changes: Unpack[SettingChanges]) -> Self:
-        """Return the settings of the project's file (`xosc.toml`, see docs/settings.md), the defaults where there is none.
+        """Return the settings of the project's file (`xosc.toml`, see docs/settings.md), the
+        defaults where there is none.
 
         Under --untrusted it is not read.
 
@@ -276,7 +284,9 @@ class RunSettings:
 
     @property
     def ends_after_collision(self) -> bool:
-        """Value of `end_after_collision`, or by default whether a system under test drives the ego."""
+        """Value of `end_after_collision`, or by default whether a system under
+        test drives the ego.
+        """
         from runner.systems import system_name
 
         return (

@@ -125,7 +125,8 @@ def _build(factory: Callable[[], System], name: str) -> System:
     missing = [method for method in methods if not callable(getattr(system, method, None))]
     if missing:
         raise UsageError(
-            f"the system under test {name!r} has no method {missing[0]}, see docs/systems-under-test.md"
+            f"the system under test {name!r} has no method {missing[0]}, see "
+            "docs/systems-under-test.md"
         )
     return system
 

@@ -26,7 +26,13 @@ from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 ObjectArray = NDArray[np.object_]
-_ABSENT = Participant("", "", "", BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), performance=Performance(0.0, 0.0, 0.0, 0.0, 0.0))  # fmt: skip
+_ABSENT = Participant(
+    "",
+    "",
+    "",
+    BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    performance=Performance(0.0, 0.0, 0.0, 0.0, 0.0),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +138,10 @@ class BatchObservation(NamedTuple):
         >>> from runner.systems.arrays import stack
         >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
         ...     observations = stack([session.observation] * 3)
-        >>> observations.ego.x.shape, observations.others.x.shape, observations.target_speed.round(1)
-        ((3,), (1, 3), array([27.8, 27.8, 27.8]))
+        >>> observations.ego.x.shape, observations.others.x.shape
+        ((3,), (1, 3))
+        >>> observations.target_speed.round(1)
+        array([27.8, 27.8, 27.8])
     """
 
     run: IntArray
@@ -329,9 +337,12 @@ def checked(control: object, n: int) -> Answers:
     """
     if not isinstance(control, BatchControl):
         raise TypeError(
-            f"control_batch() returned {control!r}, a runner.systems.arrays.BatchControl is expected"
+            f"control_batch() returned {control!r}, a "
+            "runner.systems.arrays.BatchControl is expected"
         )
-    acceleration, accelerates = _checked("acceleration", control.acceleration, control.accelerates, n)  # fmt: skip
+    acceleration, accelerates = _checked(
+        "acceleration", control.acceleration, control.accelerates, n
+    )
     steering, steers = _checked("steering", control.steering, control.steers, n)
     return Answers(acceleration, accelerates, steering, steers, np.zeros(n, bool))
 
@@ -349,7 +360,8 @@ def _checked(what: str, values: Any, mask: Any, n: int) -> tuple[FloatArray, Boo
     if not (np.isfinite(numbers) | ~counts).all():
         place = int(np.flatnonzero(counts & ~np.isfinite(numbers))[0])
         raise ValueError(
-            f"control_batch() returned {what} {numbers[place]} at place {place}, finite numbers are expected"
+            f"control_batch() returned {what} {numbers[place]} at place {place}, finite numbers "
+            "are expected"
         )
     return np.where(counts, numbers, 0.0), counts
 

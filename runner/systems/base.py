@@ -96,9 +96,9 @@ def seen(entity: Entity) -> Participant:
     return Participant._make(  # asked for in each step of each run: by far faster than by names
         (
             e.name, declared.kind, declared.category, e.box,
-            e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.vx, e.vy, e.ax, e.ay, e.odometer,
-            declared.performance, declared.front_axle, declared.max_steering, declared.mass,
-            e.lights, e.controls.overrides,
+            e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.vx, e.vy, e.ax, e.ay,
+            e.odometer, declared.performance, declared.front_axle, declared.max_steering,
+            declared.mass, e.lights, e.controls.overrides,
         )
     )  # fmt: skip
 
@@ -224,8 +224,10 @@ class SystemUnderTest(Protocol):
         ...
         ...     def control(self, observation, dt):
         ...         return xt.Control(acceleration=-3.0)
-        >>> result = xt.run("xosc/library/simple_cut_in.xosc", sut=Brakes(), world="kinematic", max_time=1.0)
-        >>> [round(row["speed"], 1) for row in result.trajectories.to_pylist() if row["entity"] == "Ego"][-1]
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", sut=Brakes(), world="kinematic",
+        ...                 max_time=1.0)
+        >>> rows = result.trajectories.to_pylist()
+        >>> [round(row["speed"], 1) for row in rows if row["entity"] == "Ego"][-1]
         24.8
     """
 

@@ -216,7 +216,9 @@ class WorldDriver(EgoDriver):
         )
 
     def answer(self, driven: bool) -> None:
-        """Note the world's answer: once it has driven the ego, that returns to the scripted speed."""
+        """Note the world's answer: once it has driven the ego, that returns to
+        the scripted speed.
+        """
         self._returning = self._returning or driven
         self._refused = not driven
         if driven:
@@ -293,7 +295,8 @@ class SystemDriver(EgoDriver):
             if isinstance(answer, Pose) and not (self.longitudinal and self.lateral):
                 domain = "longitudinal" if self.longitudinal else "lateral"
                 raise ValueError(
-                    f"control() returned a Pose, which needs both domains; the scenario hands over the {domain} one"
+                    "control() returned a Pose, which needs both domains; the scenario hands "
+                    f"over the {domain} one"
                 )
         except RAISED as error:
             raise failed(self.system, error, run.time) from error
@@ -323,11 +326,20 @@ class SystemDriver(EgoDriver):
         if off > _OFF + _GRAVITY * dt * dt:
             return f"{ego.name} is put {off:.2f} m from where it would be at {then}"
         if not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
-            return f"{ego.name} is put {moved * dt:.2f} m further at {then}, at a speed of {speed:.2f} m/s"
+            return (
+                f"{ego.name} is put {moved * dt:.2f} m further at {then}, at a speed of "
+                f"{speed:.2f} m/s"
+            )
         if abs(speed - ego.speed) > _UNLIKE + _HARDEST * dt:
-            return f"{ego.name} changes its speed from {ego.speed:.2f} to {speed:.2f} m/s within a step at {then}"
+            return (
+                f"{ego.name} changes its speed from {ego.speed:.2f} to {speed:.2f} m/s within a "
+                f"step at {then}"
+            )
         if self._sliding > _SLIDING_TIME - dt / 2:
-            return f"{ego.name} has moved sideways at more than {_SLIDING:g} m/s for {_SLIDING_TIME:g} s at {then}"
+            return (
+                f"{ego.name} has moved sideways at more than {_SLIDING:g} m/s for "
+                f"{_SLIDING_TIME:g} s at {then}"
+            )
         return ""
 
     def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
@@ -439,7 +451,8 @@ class ArraySystemDriver(RunRows):
         # No acceleration beyond the grip of the road, whatever the Performance says.
         least, most = -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip)
         speed = ego.speed + np.maximum(least, np.minimum(most, wanted)) * dt
-        # An ego that the scenario made faster than its Performance may keep its speed, not gain any.
+        # An ego that the scenario made faster than its Performance may keep
+        # its speed, not gain any.
         forward = np.minimum(np.maximum(speed, 0.0), np.maximum(limits.max_speed, ego.speed))
         driven = np.where(ego.speed >= 0.0, forward, np.minimum(speed, 0.0))
         was, left = self._returning, target
@@ -482,7 +495,8 @@ class ArraySystemDriver(RunRows):
 
 
 _MOVING = (
-    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay", "odometer",
+    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay",
+    "odometer",
 )  # fmt: skip
 
 

@@ -185,7 +185,9 @@ def _declared(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, s
 
 
 def _values(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, float | str]:
-    """Values of all parameters of a run; of a file that is gone or damaged those that were given."""
+    """Values of all parameters of a run; of a file that is gone or damaged those
+    that were given.
+    """
     try:
         texts = _declared(scenario, given) | dict(given)
     except (ToolchainError, OSError):
@@ -428,9 +430,12 @@ def _csv(
         ]
         writer.writerow(
             [
-                protocol.title, test.name if test else "", test.clause if test else "", row.run["name"], *cells,
-                _others(protocol, row), row.run["seed"], _outcome(row), *measured, test.criterion.text if test else "",
-                row.judgement.result, row.judgement.colour, *points, row.judgement.reason, *files, trace["tool"],
+                protocol.title, test.name if test else "", test.clause if test else "",
+                row.run["name"], *cells,
+                _others(protocol, row), row.run["seed"], _outcome(row), *measured,
+                test.criterion.text if test else "",
+                row.judgement.result, row.judgement.colour, *points, row.judgement.reason, *files,
+                trace["tool"],
                 trace["system under test"],
             ]
         )  # fmt: skip

@@ -245,7 +245,10 @@ def _unusable(table: pa.Table) -> str:
                 return f"there is no column {name}"
             continue  # a measure that an earlier version did not have
         if table.schema.field(name).type != expected.field(name).type:
-            return f"the column {name} is of the type {table.schema.field(name).type}, not {expected.field(name).type}"
+            return (
+                f"the column {name} is of the type {table.schema.field(name).type}, not "
+                f"{expected.field(name).type}"
+            )
         if name in _NEVER_ABSENT and table[name].null_count:
             return f"the column {name} has rows without a value"
     return ""
@@ -296,7 +299,8 @@ def _impact(run: dict[str, Any]) -> str | None:
     ahead, left = run["impact_ahead"], run["impact_left"]
     along, across = "ahead" if ahead >= 0.0 else "behind", "left" if left >= 0.0 else "right"
     point = f"{abs(ahead):.1f} m {along} and {abs(left):.1f} m {across} of its middle"
-    return f"{sentence('the ego', run['impact_speed_other'], run['impact_side'], run['ego_strikes'])}, {point}"
+    impact = sentence("the ego", run["impact_speed_other"], run["impact_side"], run["ego_strikes"])
+    return f"{impact}, {point}"
 
 
 def rounded(value: float | None) -> float | None:

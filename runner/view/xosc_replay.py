@@ -51,7 +51,8 @@ def xosc_replay(
         list[Path],
         typer.Argument(
             metavar="RUN [RUN2] | BATCH...",
-            help="Folders of runs that xosc-run --out has written, or OSI traces; a batch; or several batches, the oldest first.",
+            help="Folders of runs that xosc-run --out has written, or OSI traces; a batch; or "
+            "several batches, the oldest first.",
         ),
     ],
     out: Annotated[
@@ -60,7 +61,8 @@ def xosc_replay(
         typer.Option(
             metavar="FILE",
             help="File to write: .html, .png, .gif, or .mp4 by ffmpeg."
-            "  [default: replay.html in RUN; report.html in a batch; history.html in the last of several; the trace's name]",
+            "  [default: replay.html in RUN; report.html in a batch; history.html in the last of "
+            "several; the trace's name]",
         ),
     ] = None,
     road: Annotated[
@@ -86,7 +88,10 @@ def xosc_replay(
     if len(folders) == 1 and journal.is_batch(folders[0]):
         if out is not None or road is not None or gui:
             first = min(journal.finished(folders[0]).outcomes, default="RUN")
-            told = f"this is a whole batch: --out, --road and --gui are for its runs, as {folders[0] / first}"
+            told = (
+                "this is a whole batch: --out, --road and --gui are for its runs, as "
+                f"{folders[0] / first}"
+            )
             raise UsageError(told, path=folders[0])
         made = [_report(folders[0], against)]
     elif len(folders) > 1 and all(map(journal.is_batch, folders)):
@@ -203,7 +208,8 @@ def _report(batch: Path, against: Path | None) -> Path:
     if finished.damaged:
         lines = many(len(finished.damaged), "line")
         print(
-            f"{NAME}: {lines} of the journal damaged, the first is {finished.damaged[0]}: without those runs",
+            f"{NAME}: {lines} of the journal damaged, the first is "
+            f"{finished.damaged[0]}: without those runs",
             file=sys.stderr,
         )
     report = write_report(batch, against)

@@ -80,7 +80,8 @@ def check_many(
 
     Example:
         >>> import xosc_toolchain as xt
-        >>> for path, problems in xt.check_many(["xosc/library/simple_cut_in.xosc", "xodr/library/roundabout.xodr"]):
+        >>> files = ["xosc/library/simple_cut_in.xosc", "xodr/library/roundabout.xodr"]
+        >>> for path, problems in xt.check_many(files):
         ...     print(path.name, len(problems))
         simple_cut_in.xosc 0
         roundabout.xodr 0

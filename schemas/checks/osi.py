@@ -34,23 +34,28 @@ _FIELDS = {
     "ExternalReference": {"type": "set"},
     "LogicalLaneAssignment": {"assigned_lane_id": "LogicalLane"},
     "EnvironmentalConditions": {
-        "atmospheric_pressure": ">= 80000, <= 120000", "temperature": ">= 170, <= 340", "relative_humidity": ">= 0, <= 100",
+        "atmospheric_pressure": ">= 80000, <= 120000", "temperature": ">= 170, <= 340",
+        "relative_humidity": ">= 0, <= 100",
     },
     "EnvironmentalConditions.TimeOfDay": {"seconds_since_midnight": ">= 0, < 86400"},
     "EnvironmentalConditions.Wind": {"speed": ">= 0"},
     "EnvironmentalConditions.Sun": {"intensity": ">= 0"},
-    "GroundTruth": {"version": "set", "timestamp": "set", "host_vehicle_id": "set, MovingObject", "country_code": "country"},
+    "GroundTruth": {"version": "set", "timestamp": "set", "host_vehicle_id": "set, MovingObject",
+        "country_code": "country"},
     "Lane": {"id": "set, unique"},
     "Lane.Classification.RoadCondition": {
-        "surface_temperature": ">= 0", "surface_water_film": ">= 0", "surface_freezing_point": ">= 0", "surface_ice": ">= 0",
+        "surface_temperature": ">= 0", "surface_water_film": ">= 0",
+        "surface_freezing_point": ">= 0", "surface_ice": ">= 0",
         "surface_roughness": ">= 0",
     },
     "Lane.Classification.LanePairing": {"antecessor_lane_id": "Lane", "successor_lane_id": "Lane"},
     "LaneBoundary": {"id": "unique"},
     "LaneBoundary.Classification": {"limiting_structure_id": "StationaryObject"},
-    "LogicalLaneBoundary": {"id": "set, unique", "reference_line_id": "ReferenceLine", "physical_boundary_id": "LaneBoundary"},
+    "LogicalLaneBoundary": {"id": "set, unique", "reference_line_id": "ReferenceLine",
+        "physical_boundary_id": "LaneBoundary"},
     "LogicalLane": {
-        "id": "unique", "reference_line_id": "ReferenceLine", "right_boundary_id": "LogicalLaneBoundary",
+        "id": "unique", "reference_line_id": "ReferenceLine",
+        "right_boundary_id": "LogicalLaneBoundary",
         "left_boundary_id": "LogicalLaneBoundary",
     },
     "LogicalLane.PhysicalLaneReference": {"physical_lane_id": "Lane"},
@@ -58,7 +63,8 @@ _FIELDS = {
     "LogicalLane.LaneRelation": {"other_lane_id": "LogicalLane"},
     "StationaryObject": {"id": "set, unique"},
     "MovingObject": {
-        "id": "set, unique", "vehicle_attributes": "set if type 2", "vehicle_classification": "set if type 2",
+        "id": "set, unique", "vehicle_attributes": "set if type 2",
+        "vehicle_classification": "set if type 2",
         "pedestrian_attributes": "set if type 3",
     },
     "MovingObject.VehicleAttributes": {"radius_wheel": ">= 0", "number_wheels": ">= 1"},
@@ -168,7 +174,8 @@ def _of_field(message: str, field: str, text: str) -> Iterator[_FieldRule]:
             )
         elif part == "country":
             yield _FieldRule(
-                OsiRule(f"{uid}.is_iso_country_code", "error", f"{message}.{field} is a numeric code of ISO 3166 (1 to 999)."),
+                OsiRule(f"{uid}.is_iso_country_code", "error",
+                    f"{message}.{field} is a numeric code of ISO 3166 (1 to 999)."),
                 field, _is_country,
             )  # fmt: skip
         else:
@@ -369,7 +376,10 @@ _FORMATS = {
     "metadata": "The file has one metadata record net.asam.osi.trace with all mandatory entries.",
     "schema": "The schema of an OSI channel has the encoding protobuf.",
     "channel": "An OSI channel has the message encoding protobuf and the mandatory metadata.",
-    "chunks": "All messages are in chunks, compressed by nothing, zstd or lz4, and the summary has an index of the chunks.",
+    "chunks": (
+        "All messages are in chunks, compressed by nothing, zstd or lz4, and the summary has an "
+        "index of the chunks."
+    ),
     "times": "The publish time of a message is its timestamp.",
 }
 _MANDATORY = (
@@ -431,15 +441,21 @@ REQUIREMENTS = {
     "timestamp.ascends": ("error", "The timestamps of a trace ascend."),
     "values.are_finite": ("error", "Positions, angles, velocities and dimensions are numbers."),
     "orientation.in_range": ("warning", "Angles are from -pi to pi."),
-    "object.is_complete": ("warning", "Objects have dimensions and pose; moving ones velocity, acceleration and rates too."),
+    "object.is_complete": ("warning", ("Objects have dimensions and pose; moving ones velocity, "
+                                      "acceleration and rates too.")),
     "object.type_is_known": ("warning", "The type of an object is not unknown in ground truth."),
-    "vehicle.classification": ("warning", "Vehicles alone have a classification, which is not unknown, and bbcenter_to_rear."),
-    "host.is_there": ("warning", "The host vehicle is on the lanes that are marked as the host vehicle's."),
+    "vehicle.classification": ("warning",
+        "Vehicles alone have a classification, which is not unknown, and bbcenter_to_rear."),
+    "host.is_there": ("warning", ("The host vehicle is on the lanes that are marked "
+                                 "as the host vehicle's.")),
     "assigned_lane.is_there": ("warning", "Assigned lanes are lanes of the trace."),
-    "lane.is_complete": ("warning", "Lanes have a type, a centre line, boundaries on both sides, or free ones in intersections."),
+    "lane.is_complete": ("warning", ("Lanes have a type, a centre line, boundaries on both sides, "
+                                    "or free ones in intersections.")),
     "lane.references": ("warning", "Neighbours and boundaries of a lane are in the trace."),
-    "lane.begins_at_antecessor": ("warning", "The centre line of a lane begins where that of its antecessor ends."),
-    "lane_boundary.is_complete": ("warning", "Boundaries have a type, a colour, two points or more, and belong to a lane."),
+    "lane.begins_at_antecessor": ("warning",
+        "The centre line of a lane begins where that of its antecessor ends."),
+    "lane_boundary.is_complete": ("warning",
+        "Boundaries have a type, a colour, two points or more, and belong to a lane."),
 }  # fmt: skip
 """Level and description by name"""
 NEAR = 0.05
@@ -531,7 +547,10 @@ class Requirements:
         if truth.lane and marked != host:
             yield (
                 "host.is_there",
-                "lanes with is_host_vehicle_lane are not those that the host vehicle is assigned to",
+                (
+                    "lanes with is_host_vehicle_lane are not those that the host "
+                    "vehicle is assigned to"
+                ),
             )
 
     def _joined(self, lane: Any, name: str) -> Iterator[Finding]:

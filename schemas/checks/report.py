@@ -53,7 +53,9 @@ def text(results: Results) -> str:
 
 
 def as_json(results: Results) -> str:
-    """An object with the tool, its version, and per file whether it is accepted and its problems."""
+    """An object with the tool, its version, and per file whether it is accepted
+    and its problems.
+    """
     files = [
         {
             "path": str(path),

@@ -34,9 +34,10 @@ _ENUMERATIONS = {
     "orientation": ("+", "-", "none"),
     "junction": ("default", "virtual", "direct", "crossing"),
     "lane": (
-        "none", "driving", "stop", "shoulder", "biking", "sidewalk", "border", "restricted", "parking", "bidirectional", "median",
-        "special1", "special2", "special3", "roadWorks", "tram", "rail", "entry", "exit", "offRamp", "onRamp", "connectingRamp",
-        "bus", "taxi", "HOV", "mwyEntry", "mwyExit", "curb", "slipLane", "walking", "shared",
+        "none", "driving", "stop", "shoulder", "biking", "sidewalk", "border", "restricted",
+        "parking", "bidirectional", "median", "special1", "special2", "special3", "roadWorks",
+        "tram", "rail", "entry", "exit", "offRamp", "onRamp", "connectingRamp", "bus", "taxi",
+        "HOV", "mwyEntry", "mwyExit", "curb", "slipLane", "walking", "shared",
     ),
 }  # fmt: skip
 _CUBIC = "a:number! b:number c:number d:number"
@@ -84,7 +85,8 @@ _LANE = {
 }
 _OF_ROADS = {
     "": _element(
-        "elevationProfile lanes! lateralProfile link objects planView! railroad signals surface type",
+        "elevationProfile lanes! lateralProfile link objects planView! railroad "
+        "signals surface type",
         "id:text! length:number! junction:text rule:rule",
     ),
     "link": _element("neighbor predecessor successor"),
@@ -103,7 +105,8 @@ _OF_ROADS = {
     "planView/geometry/poly3": _element("", "a:number! b:number! c:number! d:number!"),
     "planView/geometry/paramPoly3": _element(
         "",
-        "aU:number! bU:number! cU:number! dU:number! aV:number! bV:number! cV:number! dV:number! pRange:range",
+        "aU:number! bU:number! cU:number! dU:number! aV:number! bV:number! cV:number! dV:number! "
+        "pRange:range",
     ),
     "elevationProfile": _element("elevation"),
     "elevationProfile/elevation": _element("", f"s:number! {_CUBIC}"),
@@ -125,7 +128,8 @@ _OF_ROADS = {
     "objects": _element("bridge object objectReference tunnel"),
     "objects/object": _element(
         "borders markings material outline outlines parkingSpace repeat skeleton surface validity",
-        "id:text s:number! t:number! zOffset:number hdg:number pitch:number roll:number length:number width:number radius:number"
+        "id:text s:number! t:number! zOffset:number hdg:number pitch:number roll:number "
+        "length:number width:number radius:number"
         " height:number",
     ),
     "objects/object/outline": _OUTLINE,
@@ -134,7 +138,8 @@ _OF_ROADS = {
     "signals": _element("signal signalReference"),
     "signals/signal": _element(
         None,
-        "id:text! s:number! t:number! zOffset:number hOffset:number value:number width:number height:number dynamic:dynamic"
+        "id:text! s:number! t:number! zOffset:number hOffset:number value:number width:number "
+        "height:number dynamic:dynamic"
         " orientation:orientation",
     ),
     "signals/signal/validity": _VALIDITY,
@@ -204,7 +209,9 @@ def unknown(root: etree._Element) -> Iterator[Unknown]:
 
 
 def violations(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
-    """Elements of a road network that contradict the table, in document order, with expectations."""
+    """Elements of a road network that contradict the table, in document order,
+    with expectations.
+    """
     for element, _, declared, children in _described(root):
         yield from ((element, message) for message in _attributes(element, declared))
         names = {name for _, name in children}
@@ -216,7 +223,10 @@ def violations(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
                 if name not in declared.children:
                     yield (
                         child,
-                        f"the element {name} is not expected here; {nearest(name, sorted(declared.children - _ANYWHERE))}",
+                        (
+                            f"the element {name} is not expected here; "
+                            f"{nearest(name, sorted(declared.children - _ANYWHERE))}"
+                        ),
                     )
 
 

@@ -1,4 +1,6 @@
-"""Files are well-formed, valid documents of their standard, with names that stand for one element."""
+"""Files are well-formed, valid documents of their standard, with names that
+stand for one element.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +83,10 @@ def document_is_valid_by_schema(document: CheckedDocument) -> Iterator[Finding]:
     """
     schema = schema_for(document.type.standard, document.type.version)
     if schema is None:
-        message = f"not validated: no XSD of {document.type} is at hand; {SCHEMA_DIR} can name a folder that holds one"
+        message = (
+            f"not validated: no XSD of {document.type} is at hand; {SCHEMA_DIR} can name a folder "
+            "that holds one"
+        )
         yield Finding(
             document.header if document.header is not None else document.root, message, "warning"
         )
@@ -161,7 +166,10 @@ def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree
         if seen.setdefault((parent, name), element) is not element:
             yield (
                 element,
-                f"{local_name(element)} {name!r} has the name of another element in {local_name(parent)}",
+                (
+                    f"{local_name(element)} {name!r} has the name of another element in "
+                    f"{local_name(parent)}"
+                ),
             )
 
 

@@ -79,7 +79,10 @@ _WITHOUT = {
     "osi": "all other systems, outputs and targets of xosc-export",
     "ray": "--jobs N runs N processes on this machine",
     "recognition": "--labels rules labels by rules, --method cover and draws search",
-    "search": "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules makes catalogues",
+    "search": (
+        "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules "
+        "makes catalogues"
+    ),
     "study": "xosc-generate searches by its own methods",
 }
 """Functions that work without an extra."""
@@ -113,7 +116,8 @@ def missing(error: BaseException, extra: str | None = None) -> MissingExtra | No
         return None
     named = extra or _EXTRAS[library]
     return MissingExtra(
-        f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: {_WITHOUT[named]}'
+        f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: '
+        f"{_WITHOUT[named]}"
     )
 
 

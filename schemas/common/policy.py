@@ -110,7 +110,10 @@ class CommandPolicy:
             LimitReached: it stands for more than `max_runs`.
         """
         if self.max_runs is not None and count > self.max_runs:
-            message = f"this file stands for {count:,} runs, --max-runs allows {self.max_runs:,}; --only and --sample choose some"
+            message = (
+                f"this file stands for {count:,} runs, --max-runs allows {self.max_runs:,}; "
+                "--only and --sample choose some"
+            )
             raise LimitReached(message, path=path)
 
     @property
@@ -142,7 +145,8 @@ def in_force(policy: CommandPolicy) -> Iterator[None]:
     global _current
     if policy.bounded and (resource is None or not hasattr(signal, "setitimer")):
         raise UsageError(
-            "this system does not limit the memory and time of a process; leave --max-memory and --max-seconds out"
+            "this system does not limit the memory and time of a process; leave --max-memory and "
+            "--max-seconds out"
         )
     before, _current = _current, policy
     try:
@@ -326,7 +330,10 @@ def _refuse_links_in(folder: Path) -> None:
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             if os.path.islink(os.path.join(place, name)):
-                message = "this is a symbolic link in an output folder, which --untrusted refuses: give a new folder"
+                message = (
+                    "this is a symbolic link in an output folder, which --untrusted refuses: give "
+                    "a new folder"
+                )
                 raise UsageError(message, path=os.path.join(place, name))
     if os.path.islink(folder):
         raise UsageError("this output is a symbolic link, which --untrusted refuses", path=folder)

@@ -101,7 +101,9 @@ LONGEST_POINTER = 1024
 
 
 def _alike(path: Path) -> str:
-    """Question for the most similar name of a scenario or road beside a missing one; empty without one."""
+    """Question for the most similar name of a scenario or road beside a missing
+    one; empty without one.
+    """
     # Strangers learn no names of files; files that commands write are missing often, and asked for.
     if current().untrusted or path.suffix not in (".xosc", ".xodr"):
         return ""
@@ -455,7 +457,10 @@ def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
     mine = json.loads(json.dumps(settings))
     changed = [name for name, value in mine.items() if name not in before or before[name] != value]
     if changed:
-        reason = f"this folder holds {what} with other settings ({', '.join(changed)}): give the same, or another folder"
+        reason = (
+            f"this folder holds {what} with other settings ({', '.join(changed)}): give the same, "
+            "or another folder"
+        )
         raise UsageError(reason, path=path.parent)
 
 

@@ -383,7 +383,8 @@ class _Parameter:
 
 
 def _shown(value: Value, node: Node) -> str:
-    return f"{quoted(literal(value))}{f', the value of ${node.name}' if isinstance(node, _Parameter) else ''}"
+    origin = f", the value of ${node.name}" if isinstance(node, _Parameter) else ""
+    return f"{quoted(literal(value))}{origin}"
 
 
 def _number(value: Value, operator: str, node: Node) -> Number:
@@ -463,7 +464,9 @@ def references(text: str) -> set[str]:
 
 
 def is_wellformed(text: str) -> bool:
-    """Whether an attribute's value is a literal, a reference, or an expression that can be parsed."""
+    """Whether an attribute's value is a literal, a reference, or an expression
+    that can be parsed.
+    """
     try:
         references(text)
     except ExpressionError:

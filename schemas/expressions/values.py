@@ -41,7 +41,8 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _INFINITY = {"INF": math.inf, "+INF": math.inf, "-INF": -math.inf}
 _OTHER_SPELLINGS = {
     "true": "true", "false": "false",
-    "inf": "INF", "+inf": "INF", "-inf": "-INF", "infinity": "INF", "+infinity": "INF", "-infinity": "-INF",
+    "inf": "INF", "+inf": "INF", "-inf": "-INF", "infinity": "INF", "+infinity": "INF",
+    "-infinity": "-INF",
 }  # fmt: skip
 _INTEGER = re.compile(r"[+-]?\d+", re.ASCII)
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}

@@ -30,8 +30,9 @@ TRACE = "net.asam.osi.trace"
 _PREFIX = "osi3."
 _MAP = "osi3.MapAsamOpenDrive"
 _KINDS = (
-    GROUND_TRUTH, SENSOR_VIEW, "SensorData", "TrafficCommand", "TrafficUpdate", "TrafficCommandUpdate", "HostVehicleData",
-    "MotionRequest", "StreamingUpdate", "SensorViewConfiguration",
+    GROUND_TRUTH, SENSOR_VIEW, "SensorData", "TrafficCommand", "TrafficUpdate",
+    "TrafficCommandUpdate", "HostVehicleData", "MotionRequest", "StreamingUpdate",
+    "SensorViewConfiguration",
 )  # fmt: skip
 """Top-level messages, in the order of preference where several read the same bytes"""
 _READABLE = 0.5
@@ -438,7 +439,8 @@ def _contents(path: Path) -> Contents:
     for key, channel in channels.items():
         schema = schemas.get(channel.schema_id)
         contents.channels[key] = Channel(
-            channel.topic, schema.name if schema else "", schema.encoding if schema else "", channel.message_encoding,
+            channel.topic, schema.name if schema else "", schema.encoding if schema else "",
+            channel.message_encoding,
             dict(channel.metadata), counts.get(key, 0),
         )  # fmt: skip
     contents.indexed = indexed == chunks

@@ -34,7 +34,8 @@ class Agreement(NamedTuple):
     def __str__(self) -> str:
         low, high = binomtest(self.same, self.number).proportion_ci(CONFIDENCE, "exact")
         return (
-            f"{self.points}, {self.system}: {self.same} of {self.number} verdicts are SUMO's ({self.same / self.number:.1%}, "
+            f"{self.points}, {self.system}: {self.same} of {self.number} verdicts are SUMO's "
+            f"({self.same / self.number:.1%}, "
             f"{CONFIDENCE:.0%} interval {low:.1%} to {high:.1%})"
         )
 

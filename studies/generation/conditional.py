@@ -201,14 +201,18 @@ def comparison(rows: FloatArray, recordings: NDArray[np.str_]) -> Table:
     parts = [tested for _, tested in folds(recordings)]
     judge = next(iter(found.values())).likelihood
     lines: list[tuple[str, ...]] = [
-        (title, spread(each.likelihood[part].mean() for part in parts), _worse(each.likelihood - judge, recordings),
+        (title, spread(each.likelihood[part].mean() for part in parts),
+            _worse(each.likelihood - judge, recordings),
          f"{each.beyond.mean():.1%}")
         for title, each in found.items()
     ]  # fmt: skip
     note = (
-        f"{len(rows)} recorded pairs, {rows.shape[1] - 1} values given the ego's speed, in logarithms. Likelihood: mean ± "
-        "standard deviation over folds, of rows from recordings that were not fitted. Against the first: mean ± standard "
-        "error over recordings of the differences. Beyond: rows less likely than 99 % of the density's draws "
+        f"{len(rows)} recorded pairs, {rows.shape[1] - 1} values given the ego's speed, in "
+        "logarithms. Likelihood: mean ± "
+        "standard deviation over folds, of rows from recordings that were not fitted. Against the "
+        "first: mean ± standard "
+        "error over recordings of the differences. Beyond: rows less likely than 99 % of the "
+        "density's draws "
         "for their speed of the ego."
     )
     header = "density", "log-likelihood", "against the first", "beyond"

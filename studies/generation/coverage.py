@@ -136,7 +136,10 @@ def _nobody(theta: FloatArray, sut: str) -> Outcomes:
 def markdown(found: Sequence[Estimated]) -> str:
     """Table of a row for each system: shares with 95 % intervals by bootstrap over repetitions."""
     lines = [
-        "| system | true probability | repetitions | intervals that cover it | width, high / low | unstable |"
+        (
+            "| system | true probability | repetitions | intervals that cover it | width, high / "
+            "low | unstable |"
+        )
     ]
     lines.append("|---|---|---|---|---|---|")
     for name in dict.fromkeys(each.system for each in found):
@@ -147,6 +150,7 @@ def markdown(found: Sequence[Estimated]) -> str:
         width = f"{np.median(widths):.2f}" if widths else "–"
         unstable = sum(not each.stable for each in of)
         lines.append(
-            f"| {name} | {of[0].true:.2e} | {len(of)} | {covers.mean():.2f} ({low:.2f} to {high:.2f}) | {width} | {unstable} |"
+            f"| {name} | {of[0].true:.2e} | {len(of)} | {covers.mean():.2f} ({low:.2f} to "
+            f"{high:.2f}) | {width} | {unstable} |"
         )
     return "\n".join(lines)

@@ -32,7 +32,10 @@ class Found(NamedTuple):
     played: int
 
     def __str__(self) -> str:
-        return f"{self.value:.2e}, coefficient of variation {self.variation:.3f}, {self.played} points played"
+        return (
+            f"{self.value:.2e}, coefficient of variation {self.variation:.3f}, {self.played} "
+            "points played"
+        )
 
 
 def openturns() -> Any:

@@ -39,8 +39,10 @@ def comparison(
     ]
     groups = len(np.unique(recordings))
     note = (
-        f"{len(theta)} samples of {theta.shape[1]} parameters from {groups} recordings; mean ± standard deviation over the "
-        "folds of log p (natural, in the parameters' units) of rows from recordings that were not fitted."
+        f"{len(theta)} samples of {theta.shape[1]} parameters from {groups} recordings; mean ± "
+        "standard deviation over the "
+        "folds of log p (natural, in the parameters' units) of rows from recordings "
+        "that were not fitted."
     )
     return Table(
         "density", "Held-out log-likelihood", note, ("density", "log-likelihood per sample"), rows
@@ -83,10 +85,14 @@ def gated(
             (models()[name].title, *figures, "passed" if gate.refusal is None else "refused")
         )
     note = (
-        f"Replays of recorded units with their own values: {replayed} collide. Likelihood: natural, in the parameters' units, "
-        "mean over units by the density of other recordings. Possible: draws inside the limits of the parameters and of physics; "
-        "others are drawn again. Foreseeable: of these draws. Beyond: recorded units less likely, by the density of other "
-        "recordings, than 99 % of these draws. Gate: refused where certainly more draws than replays collide (95 % intervals, "
+        f"Replays of recorded units with their own values: {replayed} collide. Likelihood: "
+        "natural, in the parameters' units, "
+        "mean over units by the density of other recordings. Possible: draws inside the limits of "
+        "the parameters and of physics; "
+        "others are drawn again. Foreseeable: of these draws. Beyond: recorded units less likely, "
+        "by the density of other "
+        "recordings, than 99 % of these draws. Gate: refused where certainly more draws than "
+        "replays collide (95 % intervals, "
         "exact)."
     )
     header = (

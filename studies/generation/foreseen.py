@@ -71,9 +71,12 @@ def limits(
         for name, kept in kinds.items()
     ]
     note = (
-        f"{len(units)} recorded pairs, {draws} draws, of which {len(colliding)} collide, {len(needing)} of these with neither "
-        f"adversary alone, and {_BOX} points drawn evenly from all values, of which {len(anywhere)} are possible. The limits are "
-        "those that all but 1 % of recorded rows reach, each by the density of other recordings; what passes is by that of all."
+        f"{len(units)} recorded pairs, {draws} draws, of which {len(colliding)} collide, "
+        f"{len(needing)} of these with neither "
+        f"adversary alone, and {_BOX} points drawn evenly from all values, of which "
+        f"{len(anywhere)} are possible. The limits are "
+        "those that all but 1 % of recorded rows reach, each by the density of other recordings; "
+        "what passes is by that of all."
     )
     header = (
         "limit",

@@ -49,7 +49,10 @@ class Replays:
         """Table with a row for each system: collisions, the most frequent site, median errors of
         colliding and of all units."""
         lines = [
-            "| system | replays | collide | share | sites of these | error along the lane, m (all) |",
+            (
+                "| system | replays | collide | share | sites of these | error "
+                "along the lane, m (all) |"
+            ),
             "|---|---|---|---|---|---|",
         ]
         for name, collides in self.collides.items():
@@ -62,6 +65,7 @@ class Replays:
             if self.errors is not None and collides.any():
                 error = f"{np.median(self.errors[collides]):.1f} ({np.median(self.errors):.1f})"
             lines.append(
-                f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | {told} | {error} |"
+                f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | "
+                f"{told} | {error} |"
             )
         return "\n".join(lines)

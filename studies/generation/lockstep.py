@@ -2,7 +2,8 @@
 nearly as fast as fifty.
 
 One search works at a time, and they take turns in their order, so that a repetition gives the same.
-Each has the global random numbers of numpy and torch to itself: its result is that of a search alone.
+Each has the global random numbers of numpy and torch to itself: its result is
+that of a search alone.
 """
 
 from __future__ import annotations

@@ -26,7 +26,9 @@ class Posed(NamedTuple):
     sumo: Evaluator
 
     def plays(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
-        """Outcomes of points (n, d): in arrays if scenario and system play so, on SUMO otherwise."""
+        """Outcomes of points (n, d): in arrays if scenario and system play so,
+        on SUMO otherwise.
+        """
         if self.problem.plays is not None:
             try:
                 return self.problem.plays(theta, sut)

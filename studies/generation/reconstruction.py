@@ -11,10 +11,15 @@ from studies.recognition.report.tables import Table
 
 _COLUMNS = ("RMSE_t [m]", "95 %", "RMSE_s [m]", "95 %")
 _NOTE = (
-    "Root mean square of each recorded manoeuvre's distance from the motion that its seven parameters stand for, at 1 Hz "
-    "through its scene, both at one place when it begins; mean over manoeuvres, and the value that 95 % keep below."
+    "Root mean square of each recorded manoeuvre's distance from the motion that its seven "
+    "parameters stand for, at 1 Hz "
+    "through its scene, both at one place when it begins; mean over manoeuvres, and the value "
+    "that 95 % keep below."
 )
-_PUBLISHED = "The same for every method that has these parameters. Published: RMSE_t 0.237 m, RMSE_s 3.362 m, on other data."
+_PUBLISHED = (
+    "The same for every method that has these parameters. Published: RMSE_t 0.237 m, RMSE_s 3.362 "
+    "m, on other data."
+)
 _LOW, _HIGH = (
     np.array([getattr(each, side) for each in PARAMETERS.values()]) for side in ("low", "high")
 )

@@ -46,7 +46,8 @@ def publication(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Recordings in the formats of highD and INTERACTION.  [default: SUMO's traffic is recorded]",
+            help="Recordings in the formats of highD and INTERACTION.  [default: SUMO's "
+            "traffic is recorded]",
         ),
     ] = None,
     only: Annotated[

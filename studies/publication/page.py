@@ -19,20 +19,22 @@ _SEEDS = "seeds"
 _INTRODUCTION = """\
 # The publication, row by row
 
-This page is generated from the result files in `studies/results`: `python -m studies.publication` makes both, `--page-only` the page
-alone. Edit neither by hand.
+This page is generated from the result files in `studies/results`: `python -m studies.publication`
+makes both, `--page-only` the page alone. Edit neither by hand.
 
-**Rows of ours can't be compared with published ones.** The publication was measured on highD and INTERACTION with CARLA, ours on
-SUMO's traffic on our own maps. Who has those recordings gives their folder with `--recordings`, and gets the rows on them.
+**Rows of ours can't be compared with published ones.** The publication was measured on highD and
+INTERACTION with CARLA, ours on SUMO's traffic on our own maps. Who has those recordings gives their
+folder with `--recordings`, and gets the rows on them.
 """
 _SMALLEST = """\
-Tables that say *smallest settings* have one seed, {events} windows of each class, {budget} runs a search, and principal components
-in the place of the encoder of grids. They show that each row is made, not how good a method is.
-Searches of more seeds: [planted failures](generation-results.md#planted-failures).
+Tables that say *smallest settings* have one seed, {events} windows of each class, {budget} runs a
+search, and principal components in the place of the encoder of grids. They show that each row is
+made, not how good a method is. Searches of more seeds: [planted
+failures](generation-results.md#planted-failures).
 """
 _FULL = """\
-All others have at most {events} windows of each class and {budget} runs a search. *As published*: the encoder `{grids}` of occupancy
-grids, of the publication's size; *as shipped*: tokens.
+All others have at most {events} windows of each class and {budget} runs a search. *As published*:
+the encoder `{grids}` of occupancy grids, of the publication's size; *as shipped*: tokens.
 """
 _SMALLEST_MARK = ", smallest settings"
 _ORDER = ("full", "smallest")
@@ -154,12 +156,17 @@ def _trials(folder: Path, stage: str) -> tuple[str, str]:
 
 
 _RECOGNITION_CHOSEN = "seeds below 10"
-_SEARCHES_CHOSEN = "MCSG: not on record, so its rows count as seen; `cover`: planted systems of other shapes and seeds"
+_SEARCHES_CHOSEN = (
+    "MCSG: not on record, so its rows count as seen; `cover`: planted systems of "
+    "other shapes and seeds"
+)
 _STATISTICS = """
-± is the standard deviation over seeds, each with its own split or its own draws; within a seed a row of recognition is the mean over its
-rounds. Rows of one seed have no interval: differences from others mean nothing. Comparisons with TRFE are two-sided paired t-tests over
-the seeds that both rows have, from three seeds on: the result files have their p. RMSE_t and RMSE_s are of the seven parameters, so the
-same for every method that searches these: the table of reconstruction has them once.
+± is the standard deviation over seeds, each with its own split or its own draws; within a seed a
+row of recognition is the mean over its rounds. Rows of one seed have no interval: differences from
+others mean nothing. Comparisons with TRFE are two-sided paired t-tests over the seeds that both
+rows have, from three seeds on: the result files have their p. RMSE_t and RMSE_s are of the seven
+parameters, so the same for every method that searches these: the table of reconstruction has them
+once.
 """
 _RESTING = (
     ("Table 3", ("published", "shipped"), "open-set"),
@@ -173,7 +180,9 @@ _RESTING = (
 
 
 def _folder(results: Path, tables: Iterable[tuple[str, str]]) -> tuple[Path, str]:
-    """The folder of the first scale that has one of these tables (stage, name), and what its headings add."""
+    """The folder of the first scale that has one of these tables (stage, name),
+    and what its headings add.
+    """
     wanted = list(tables)
     for scale in _ORDER:
         if any((results / scale / stage / f"{name}.csv").exists() for stage, name in wanted):

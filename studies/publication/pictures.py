@@ -261,14 +261,16 @@ _HIGHWAYS = GEOMETRIES[4:]
 PICTURES: Mapping[str, Picture] = {
     "4": Picture(
         "figure-4.svg",
-        "Figure 4: macro-F1 over δ, the number of trees T, and the windows W of a discovery (after it).",
+        "Figure 4: macro-F1 over δ, the number of trees T, and the windows W of a "
+        "discovery (after it).",
         ("published", "shipped"),
         tuple(f"sensitivity-{name}" for name, _ in _CURVES),
         _sensitivity,
     ),
     "5": Picture(
         "figure-5.png",
-        "Figure 5: motions that recorded parameters stand for, and those of collisions that MCSG generates.",
+        "Figure 5: motions that recorded parameters stand for, and those of collisions "
+        "that MCSG generates.",
         ("cut_in_highway",),
         ("points",),
         _trajectories,
@@ -289,7 +291,8 @@ PICTURES: Mapping[str, Picture] = {
     ),
     "8": Picture(
         "figure-8.png",
-        "Figure 8: for each geometry the likeliest collision with `cas` that a search found; where none found one, the least clearance.",
+        "Figure 8: for each geometry the likeliest collision with `cas` that a search found; "
+        "where none found one, the least clearance.",
         GEOMETRIES[:4],
         ("points",),
         _cases(GEOMETRIES[:4]),

@@ -159,7 +159,9 @@ def _densities(out: Path) -> tuple[str, ...]:
 
 
 def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
-    """All methods on highway cut ins (table 5), MCSG as published and draws elsewhere (figure 8)."""
+    """All methods on highway cut ins (table 5), MCSG as published and draws
+    elsewhere (figure 8).
+    """
     seven = scenario == "cut_in_highway"
     few = scale.searched if seven else ("mcsg", "mcsg-published", "draws")
     return (

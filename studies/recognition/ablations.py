@@ -29,11 +29,13 @@ CHAINED = (
 CAPACITIES = (125, 250, 500, 1000)
 """Values of W for its sensitivity; `w125` and so on are variants too."""
 SIFTED = Preprocessing(spread=3.0, margin=0.75)
-"""New-value preprocessing (NVP) that sets outliers and what is near known classes aside. At a margin of 1, which the source has,
-half of the unknown samples would be."""
+"""New-value preprocessing (NVP) that sets outliers and what is near known classes aside. At a
+margin of 1, which the source has, half of the unknown samples would be."""
 PUBLISHED_NVP = replace(SIFTED, margin=1.0)
 PUBLISHED_PROMOTION = Promotion(relative_cohesion=0.85, margin=1.0)
-"""Both steps with the margins of the publication; its cohesion of 0.85 counts from that of the known classes"""
+"""Both steps with the margins of the publication; its cohesion of 0.85 counts
+from that of the known classes
+"""
 
 
 @dataclass(frozen=True)

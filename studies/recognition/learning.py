@@ -1,4 +1,6 @@
-"""TRFE whose encoder learns on: together with the heads of a discovery, and again from its checkpoint with promoted classes."""
+"""TRFE whose encoder learns on: together with the heads of a discovery, and again from its
+checkpoint with promoted classes.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
     from studies.recognition.protocol.trials import Trial
 
 _EPOCHS, _RAMP, _RATE = 30, 15, 3e-4
-"""Of training with the encoder: a fifth of those of heads on frozen features, as each moves far more weights."""
+"""Of training with the encoder: a fifth of those of heads on frozen features, as
+each moves far more weights.
+"""
 
 
 class Learns(NamedTuple):
@@ -45,7 +49,8 @@ class Learns(NamedTuple):
 
 
 class LearningTRFE(TRFE):
-    """TRFE that takes numbers of windows (n, 1) for samples and looks their features up, as these change.
+    """TRFE that takes numbers of windows (n, 1) for samples and looks their
+    features up, as these change.
 
     Args:
         config, steps: of TRFE.
@@ -77,7 +82,9 @@ class LearningTRFE(TRFE):
         return matrix(self.features[_rows(inputs)])
 
     def discover(self) -> Discovery:
-        """Look for new classes in the buffer, see `TRFE.discover`; the encoder learns with a copy of itself."""
+        """Look for new classes in the buffer, see `TRFE.discover`; the encoder
+        learns with a copy of itself.
+        """
         if not self.learns.jointly or self.buffer.inputs is None:
             return super().discover()
         seen = self.config.recognising(matrix(self.buffer.inputs))
@@ -87,7 +94,9 @@ class LearningTRFE(TRFE):
         return discover(self.known, self.buffer, self.config, steps)
 
     def _cluster(self, rows: IntArray, task: Task, config: Config) -> IntArray:
-        """Cluster (n,) of the windows with these numbers, by heads that train the encoder beneath them too."""
+        """Cluster (n,) of the windows with these numbers, by heads that train
+        the encoder beneath them too.
+        """
         inputs = self.trial.windows.inputs
         backbone = _Elsewhere(deepcopy(self.encoder))
         settings = replace(config.clustering, epochs=_EPOCHS, ramp=_RAMP, rate=_RATE)

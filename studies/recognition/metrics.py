@@ -157,7 +157,9 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
 
 
 def _contingency(truth: IntArray, clusters: IntArray) -> tuple[IntArray, ...]:
-    """Classes, cluster numbers, and how many samples each cluster (row) has of each class (column)."""
+    """Classes, cluster numbers, and how many samples each cluster (row) has of
+    each class (column).
+    """
     classes, column = np.unique(truth, return_inverse=True)
     numbers, row = np.unique(clusters, return_inverse=True)
     counts = np.zeros((len(numbers), len(classes)), dtype=np.int64)

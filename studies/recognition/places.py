@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 PLACES: dict[str, list[Label]] = {
     "all": [label for label in Label if label is not Label.UNKNOWN],
     "along a road": [
-        Label.FREE_CRUISE, Label.CAR_FOLLOWING, Label.CUT_IN, Label.CUT_OUT, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_RIGHT,
+        Label.FREE_CRUISE, Label.CAR_FOLLOWING, Label.CUT_IN, Label.CUT_OUT, Label.LANE_CHANGE_LEFT,
+        Label.LANE_CHANGE_RIGHT,
     ],
     "at ramps": [Label.RAMP_ENTERING, Label.RAMP_EXITING],
     "in towns": [Label.URBAN_CUT_IN, Label.URBAN_CUT_OUT],
-    "at roundabouts": [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_EXITING, Label.ROUNDABOUT_CIRCULATING],
+    "at roundabouts": [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_EXITING,
+        Label.ROUNDABOUT_CIRCULATING],
     "at junctions": [Label.LEFT_TURN, Label.RIGHT_TURN, Label.STRAIGHT_CROSS, Label.MERGING],
 }  # fmt: skip
 """Classes of each kind of place"""

@@ -35,7 +35,8 @@ def kinematic(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
             *(np.nanmean(found[name], axis=1) for name in found),
             *(np.nanstd(found[name], axis=1) for name in names[:-1]),
             np.nanmax(found["aside"], axis=1) - np.nanmin(found["aside"], axis=1),
-            np.nanmean(gap, axis=1), np.nanmin(gap, axis=1), np.nanmax(gap, axis=1) - np.nanmin(gap, axis=1),
+            np.nanmean(gap, axis=1), np.nanmin(gap, axis=1),
+            np.nanmax(gap, axis=1) - np.nanmin(gap, axis=1),
         ]  # fmt: skip
     return np.nan_to_num(np.stack(numbers, axis=1))
 

@@ -102,7 +102,8 @@ def sites(
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Recordings by which δ and least shares of votes of rows are chosen, as `train` does.",
+            help="Recordings by which δ and least shares of votes of rows are "
+            "chosen, as `train` does.",
         ),
     ] = None,
     row: Annotated[

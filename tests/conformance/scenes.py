@@ -1,4 +1,6 @@
-"""Small scenes of two cars, Ego and Lead, for tests of facts: positions, actions, conditions, and how they are played."""
+"""Small scenes of two cars, Ego and Lead, for tests of facts: positions,
+actions, conditions, and how they are played.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,15 @@ from tests.runner.files import at_time, car, scenario, speed_action, story
 TELEPORT = "<PrivateAction><TeleportAction><Position>{}</Position></TeleportAction></PrivateAction>"
 HELD_OFFSET = (
     '<PrivateAction><LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics'
-    ' maxLateralAcc="2" dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="{}"/>'
+    ' maxLateralAcc="2" dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset '
+    'value="{}"/>'
     "</LaneOffsetTarget></LaneOffsetAction></LateralAction></PrivateAction>"
 )
 CHANGE = (
-    '<PrivateAction><LateralAction><LaneChangeAction{}><LaneChangeActionDynamics dynamicsShape="cubic"'
-    ' value="2" dynamicsDimension="time"/><LaneChangeTarget>{}</LaneChangeTarget></LaneChangeAction>'
+    "<PrivateAction><LateralAction><LaneChangeAction{}><LaneChangeActionDynamics "
+    'dynamicsShape="cubic"'
+    ' value="2" '
+    'dynamicsDimension="time"/><LaneChangeTarget>{}</LaneChangeTarget></LaneChangeAction>'
     "</LateralAction></PrivateAction>"
 )
 LATE = 8.0
@@ -48,7 +53,9 @@ def play(folder: Path, init: str, stories: str = "", **options: object) -> runne
 def placed_beside(
     folder: Path, position: str, action: str = "", lead: str = "", **options: object
 ) -> tuple[dict, dict]:
-    """Let Lead do an action at 1 s, and put the standing Ego somewhere at 8 s; the tracks of both."""
+    """Let Lead do an action at 1 s, and put the standing Ego somewhere at 8 s;
+    the tracks of both.
+    """
     init = start("Ego", lane_position(1, 500), 0) + start(
         "Lead", lead or lane_position(-1, 100), 10
     )
@@ -63,13 +70,17 @@ def other(text: str, name: str = "other") -> str:
 
 
 def condition(name: str, body: str) -> str:
-    return f'<ConditionGroup><Condition name="{name}" delay="0" conditionEdge="none">{body}</Condition></ConditionGroup>'
+    return (
+        f'<ConditionGroup><Condition name="{name}" delay="0" '
+        f'conditionEdge="none">{body}</Condition></ConditionGroup>'
+    )
 
 
 def by_entity(body: str) -> str:
     return condition(
         "c",
-        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/>'
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/>'
         f"</TriggeringEntities><EntityCondition>{body}</EntityCondition></ByEntityCondition>",
     )
 

@@ -1,4 +1,6 @@
-"""Conformance scenarios: one file for each element of the standard, named after it, in `scenarios/`."""
+"""Conformance scenarios: one file for each element of the standard, named after
+it, in `scenarios/`.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ SCENARIOS = Path(__file__).parent / "scenarios"
 
 
 def run(element: str, **options: Any) -> runner.RunResult:
-    """Run the conformance scenario of an element, without a system under test, at 0.01 s unless told otherwise."""
+    """Run the conformance scenario of an element, without a system under test,
+    at 0.01 s unless told otherwise.
+    """
     options = {"sut": None, "timestep": 0.01, "max_time": 60.0, **options}
     return runner.run(SCENARIOS / f"{element}.xosc", **options)
 

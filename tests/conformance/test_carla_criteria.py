@@ -120,7 +120,8 @@ def test_a_criterion_of_an_unknown_name_is_no_pass() -> None:
     result = run(Criterion="criteria_PolitenessTest")
     assert not result.verdict.passed and results(result)["PolitenessTest"] == "not judged"
     assert result.verdict.causes[0].text.startswith(
-        "not judged: PolitenessTest: there is no criterion of this name; criteria: ActorBlockedTest,"
+        "not judged: PolitenessTest: there is no criterion of this name; criteria: "
+        "ActorBlockedTest,"
     )
 
 
@@ -158,7 +159,8 @@ def test_a_value_for_a_criterion_without_parameters_is_a_remark() -> None:
 def test_values_that_are_none_are_refused(value: str) -> None:
     with pytest.raises(
         InvalidFile,
-        match=r"criteria.xosc:1\d\d: ParameterCondition: value='.*DrivenDistanceTest takes distance_success",
+        match=r"criteria.xosc:1\d\d: ParameterCondition: value='.*DrivenDistanceTest takes "
+        r"distance_success",
     ):
         run(Value=value)
 

@@ -1,4 +1,6 @@
-"""What scenarios for CARLA's scenario_runner mean otherwise than the standard: axes, triggers, speed steps, controllers."""
+"""What scenarios for CARLA's scenario_runner mean otherwise than the standard: axes, triggers,
+speed steps, controllers.
+"""
 
 from __future__ import annotations
 
@@ -70,14 +72,20 @@ def test_axes_that_put_all_positions_off_the_roads_are_told_and_inconclusive(
         ('<RelativeWorldPosition entityRef="hero" dx="30" dy="3.5"/>', (130.0, -5.25, 0.0)),
         ('<RelativeObjectPosition entityRef="hero" dx="30" dy="3.5"/>', (130.0, -5.25, 0.0)),
         (
-            '<RelativeObjectPosition entityRef="hero" dx="30" dy="0"><Orientation h="0.5"/></RelativeObjectPosition>',
+            (
+                '<RelativeObjectPosition entityRef="hero" dx="30" dy="0"><Orientation '
+                'h="0.5"/></RelativeObjectPosition>'
+            ),
             (130.0, -1.75, -0.5),
         ),
         ('<RoadPosition roadId="1" s="130" t="1.75"/>', (130.0, -1.75, 0.0)),
         ('<LanePosition roadId="1" laneId="-1" s="130" offset="1"/>', (130.0, -2.75, 0.0)),
         ('<LanePosition roadId="1" laneId="1" s="130" offset="1"/>', (130.0, 2.75, math.pi)),
         (
-            '<LanePosition roadId="1" laneId="1" s="130"><Orientation type="absolute" h="0.5"/></LanePosition>',
+            (
+                '<LanePosition roadId="1" laneId="1" s="130"><Orientation type="absolute" '
+                'h="0.5"/></LanePosition>'
+            ),
             (130.0, 1.75, math.pi - 0.5),
         ),
         (
@@ -276,7 +284,10 @@ def module(name: str, entity: str = "adversary", more: str = "") -> tuple[str, s
             module(
                 "simple_vehicle_control", more='<Property name="consider_obstacles" value="True"/>'
             ),
-            "adversary: consider_obstacles of simple_vehicle_control is not executed: it moves as scripted",
+            (
+                "adversary: consider_obstacles of simple_vehicle_control is not executed: it "
+                "moves as scripted"
+            ),
         ),
         (
             module("vehicle_longitudinal_control"),
@@ -288,7 +299,10 @@ def module(name: str, entity: str = "adversary", more: str = "") -> tuple[str, s
         ),
         (
             module("external_control", "hero"),
-            "hero is to be driven from outside (external_control), and no system under test does (--sut): it moves as scripted",
+            (
+                "hero is to be driven from outside (external_control), and no system under test "
+                "does (--sut): it moves as scripted"
+            ),
         ),
     ],
 )

@@ -1,4 +1,6 @@
-"""CatalogLocations whose directories are elsewhere: `--catalog-path` finds them, and the run is the same."""
+"""CatalogLocations whose directories are elsewhere: `--catalog-path` finds them,
+and the run is the same.
+"""
 
 from __future__ import annotations
 

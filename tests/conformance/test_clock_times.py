@@ -15,14 +15,17 @@ FIRST = 1_690_000_000
 
 def played(folder: Path, domain: str, offset: float) -> runner.RunResult:
     vertices = "".join(
-        f'<Vertex time="{FIRST + second}"><Position><WorldPosition x="{100 + 10 * second}" y="-1.75" z="0" h="0"/>'
+        f'<Vertex time="{FIRST + second}"><Position><WorldPosition x="{100 + 10 * second}" '
+        'y="-1.75" z="0" h="0"/>'
         "</Position></Vertex>"
         for second in range(4)
     )
     follow = (
         "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
-        f'<Trajectory name="t" closed="false"><ParameterDeclarations/><Shape><Polyline>{vertices}</Polyline></Shape>'
-        f'</Trajectory></TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="{domain}" offset="{offset:.0f}" '
+        '<Trajectory name="t" '
+        f'closed="false"><ParameterDeclarations/><Shape><Polyline>{vertices}</Polyline></Shape>'
+        f'</Trajectory></TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="{domain}" '
+        f'offset="{offset:.0f}" '
         'scale="1"/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
         "</FollowTrajectoryAction></RoutingAction></PrivateAction>"
     )

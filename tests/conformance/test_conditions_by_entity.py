@@ -93,7 +93,9 @@ def test_relative_speed_is_own_minus_other() -> None:
 
 
 def test_relative_speed_with_a_direction_is_projected_on_the_own_axes() -> None:
-    """An oncoming car has −10 m/s along the ego's heading, so the difference is 30 m/s; the plain speeds differ by 10."""
+    """An oncoming car has −10 m/s along the ego's heading, so the difference is
+    30 m/s; the plain speeds differ by 10.
+    """
     result = run(
         "RelativeSpeedCondition", parameters={"OtherLane": 1, "Rule": "greaterThan", "Value": 29}
     )
@@ -211,7 +213,9 @@ def test_time_headway_is_undefined_towards_those_behind() -> None:
 
 
 def test_time_to_collision_is_distance_by_closing_speed() -> None:
-    """(100 − 10 t) / 10 < 3 s to the other; (300 − 20 t) / 20 < 3 s to the position at s = 400 m."""
+    """(100 − 10 t) / 10 < 3 s to the other; (300 − 20 t) / 20 < 3 s to the
+    position at s = 400 m.
+    """
     result = run("TimeToCollisionCondition")
     assert fired(result) == pytest.approx(7.01)
     assert fired(result, "Position") == pytest.approx(12.01)

@@ -1,4 +1,6 @@
-"""AssignControllerAction, ActivateControllerAction and OverrideControllerValueAction, with a system under test."""
+"""AssignControllerAction, ActivateControllerAction and
+OverrideControllerValueAction, with a system under test.
+"""
 
 from __future__ import annotations
 

@@ -83,7 +83,8 @@ def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_run
     tmp_path: Path,
 ) -> None:
     variations = copied(tmp_path)
-    for file, old, new in (("SpeedAction", 'parameterType="double" value="2', 'parameterType="int" value="2'),
+    for file, old, new in (("SpeedAction", 'parameterType="double" value="2',
+        'parameterType="int" value="2'),
                            ("DistributionSet", 'value="18"', 'value="18.0"')):  # fmt: skip
         path = variations.with_name(f"{file}.xosc")
         text = path.read_text(encoding="utf-8")
@@ -98,7 +99,8 @@ def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_run
     assert not [each for each in sound.remarks if "is meant" in each]
     (remark,) = [each for each in other.remarks if "is meant" in each]
     assert remark.startswith(
-        f"{variations}:{line}: the value of the parameter Target: '18.0' is not of type int; 18 is meant"
+        f"{variations}:{line}: the value of the parameter Target: '18.0' is not of "
+        "type int; 18 is meant"
     )
     sound, other = run_batch(jobs_of([variations], {}, True), replace(settings, strict=True))
     assert (sound.exit_code, other.exit_code) == (0, 3) and "18 is meant" in other.message

@@ -1,4 +1,6 @@
-"""Small inputs with one answer by the standard: times of trajectories, dynamics, entities that come and go, distances on a ring."""
+"""Small inputs with one answer by the standard: times of trajectories, dynamics, entities that come
+and go, distances on a ring.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,18 @@ from tests.runner.files import car, place, scenario, speed_action, story
 def trajectory(timing: str, mode: str = "position", times: tuple[float, ...] = (0, 2, 4)) -> str:
     """A trajectory over 40 m from x = 300 m."""
     vertices = "".join(
-        f'<Vertex time="{time}"><Position><WorldPosition x="{300 + 20 * number}" y="-1.75"/></Position></Vertex>'
+        f'<Vertex time="{time}"><Position><WorldPosition x="{300 + 20 * number}" '
+        'y="-1.75"/></Position></Vertex>'
         for number, time in enumerate(times)
     )
     reference = f"<Timing {timing}/>" if timing else "<None/>"
     return (
         "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
-        f'<Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>'
+        '<Trajectory name="t" '
+        f'closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>'
         f"</TrajectoryRef><TimeReference>{reference}</TimeReference>"
-        f'<TrajectoryFollowingMode followingMode="{mode}"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+        "<TrajectoryFollowingMode "
+        f'followingMode="{mode}"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
     )
 
 
@@ -115,7 +120,10 @@ DYNAMICS = {
 @pytest.mark.parametrize("case", DYNAMICS)
 def test_a_change_of_speed_takes_its_time(case: str, tmp_path: Path) -> None:
     shape, dimension, value, mode, duration = DYNAMICS[case]
-    dynamics = f'dynamicsShape="{shape}" dynamicsDimension="{dimension}" value="{value}" followingMode="{mode}"'
+    dynamics = (
+        f'dynamicsShape="{shape}" dynamicsDimension="{dimension}" value="{value}" '
+        f'followingMode="{mode}"'
+    )
     entities = [car("Ego", performance='maxSpeed="70" maxAcceleration="4" maxDeceleration="8"')]
     stories = story("Ego", [(1.0, speed_action(20, dynamics))])
     path = scenario(
@@ -132,7 +140,8 @@ def test_a_change_of_speed_takes_its_time(case: str, tmp_path: Path) -> None:
 def test_a_factor_is_of_the_references_speed(tmp_path: Path) -> None:
     relative = speed_action(0).replace(
         '<AbsoluteTargetSpeed value="0"/>',
-        '<RelativeTargetSpeed entityRef="Lead" value="1.5" speedTargetValueType="factor" continuous="false"/>',
+        '<RelativeTargetSpeed entityRef="Lead" value="1.5" speedTargetValueType="factor" '
+        'continuous="false"/>',
     )
     init = place("Ego", 100, 5) + place("Lead", 300, 12, -2)
     ego = track(play(tmp_path, init, story("Ego", [(1.0, relative)])), "Ego")
@@ -195,15 +204,24 @@ MEASURED = {
     "lateral, freespace": (DISTANCE.format("true", "lateral", "road", 1.5, "lessOrEqual"), 0.0),
     "euclidean": (DISTANCE.format("false", "euclidianDistance", "entity", 12.5, "lessThan"), 3.8),
     "headway": (
-        '<TimeHeadwayCondition entityRef="Lead" freespace="false" value="2" rule="lessOrEqual" coordinateSystem="lane"/>',
+        (
+            '<TimeHeadwayCondition entityRef="Lead" freespace="false" value="2" '
+            'rule="lessOrEqual" coordinateSystem="lane"/>'
+        ),
         3.0,
     ),
     "headway, freespace": (
-        '<TimeHeadwayCondition entityRef="Lead" freespace="true" value="2" rule="lessOrEqual" coordinateSystem="road"/>',
+        (
+            '<TimeHeadwayCondition entityRef="Lead" freespace="true" value="2" rule="lessOrEqual" '
+            'coordinateSystem="road"/>'
+        ),
         2.5,
     ),
     "reach": (
-        f'<ReachPositionCondition tolerance="2"><Position>{lane_position(-1, 140)}</Position></ReachPositionCondition>',
+        (
+            "<ReachPositionCondition "
+            f'tolerance="2"><Position>{lane_position(-1, 140)}</Position></ReachPositionCondition>'
+        ),
         3.8,
     ),
     "travelled": ('<TraveledDistanceCondition value="35"/>', 3.5),
@@ -256,7 +274,9 @@ AWAY = "is not there at {} s: the action 'action0' refers to where it was last"
 
 @pytest.mark.parametrize("gone", [True, False])
 def test_a_lane_change_relative_to_a_car_that_has_gone(gone: bool, tmp_path: Path) -> None:
-    """The lane that it had last counts, and a remark says so; one that leaves afterwards is no matter."""
+    """The lane that it had last counts, and a remark says so; one that leaves
+    afterwards is no matter.
+    """
     init = place("Ego", 100, 10) + place("Lead", 150, 10, -2)
     relative = CHANGE.format("", '<RelativeTargetLane entityRef="Lead" value="0"/>')
     time = 1.0 if gone else 3.0
@@ -267,14 +287,20 @@ def test_a_lane_change_relative_to_a_car_that_has_gone(gone: bool, tmp_path: Pat
 
 
 REFERRING = {
-    "distance": '<LongitudinalAction><LongitudinalDistanceAction entityRef="Lead" distance="30" freespace="false"'
-    ' continuous="true" coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" maxDeceleration="5"'
+    "distance": '<LongitudinalAction><LongitudinalDistanceAction entityRef="Lead" distance="30" '
+    'freespace="false"'
+    ' continuous="true" coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" '
+    'maxDeceleration="5"'
     ' maxSpeed="50"/></LongitudinalDistanceAction></LongitudinalAction>',
-    "lateral distance": '<LateralAction><LateralDistanceAction entityRef="Lead" distance="2" freespace="false"'
-    ' continuous="true" coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" maxDeceleration="5"'
+    "lateral distance": '<LateralAction><LateralDistanceAction entityRef="Lead" distance="2" '
+    'freespace="false"'
+    ' continuous="true" coordinateSystem="lane"><DynamicConstraints maxAcceleration="3" '
+    'maxDeceleration="5"'
     ' maxSpeed="5"/></LateralDistanceAction></LateralAction>',
-    "offset": '<LateralAction><LaneOffsetAction continuous="true"><LaneOffsetActionDynamics maxLateralAcc="2"'
-    ' dynamicsShape="cubic"/><LaneOffsetTarget><RelativeTargetLaneOffset entityRef="Lead" value="1"/>'
+    "offset": '<LateralAction><LaneOffsetAction continuous="true"><LaneOffsetActionDynamics '
+    'maxLateralAcc="2"'
+    ' dynamicsShape="cubic"/><LaneOffsetTarget><RelativeTargetLaneOffset '
+    'entityRef="Lead" value="1"/>'
     "</LaneOffsetTarget></LaneOffsetAction></LateralAction>",
     "synchronisation": '<SynchronizeAction masterEntityRef="Lead"><TargetPositionMaster>'
     + lane_position(-2, 190)
@@ -304,13 +330,16 @@ def test_an_action_whose_reference_leaves_keeps_what_it_has_with_a_remark(
 def test_a_speed_that_follows_another_one_keeps_the_limits_of_its_vehicle(
     jerk: str, late: float, tmp_path: Path
 ) -> None:
-    """Lead's speed jumps from 10 to 30 m/s at 2 s: with 4 m/s² Ego is there 5 s later, with a jerk of 2 m/s³ 2 s more."""
+    """Lead's speed jumps from 10 to 30 m/s at 2 s: with 4 m/s² Ego is there 5 s
+    later, with a jerk of 2 m/s³ 2 s more.
+    """
     performance = f'maxSpeed="70" maxAcceleration="4" maxDeceleration="4" {jerk}'
     relative = speed_action(
         0, 'dynamicsShape="linear" dynamicsDimension="time" value="1" followingMode="follow"'
     ).replace(
         '<AbsoluteTargetSpeed value="0"/>',
-        '<RelativeTargetSpeed entityRef="Lead" value="0" speedTargetValueType="delta" continuous="true"/>',
+        '<RelativeTargetSpeed entityRef="Lead" value="0" speedTargetValueType="delta" '
+        'continuous="true"/>',
     )
     init = place("Ego", 100, 10) + place("Lead", 300, 10, -2)
     lead = story("Lead", [(2.0, speed_action(30))]).replace('"story"', '"lead"')
@@ -334,7 +363,9 @@ def test_a_speed_that_follows_another_one_keeps_the_limits_of_its_vehicle(
 def test_a_trajectory_that_never_begins_is_a_remark(
     first: float, said: bool, tmp_path: Path
 ) -> None:
-    """Relative times count from the start of the action: one that begins 100 s later is not followed in 10 s."""
+    """Relative times count from the start of the action: one that begins 100 s
+    later is not followed in 10 s.
+    """
     timing = 'domainAbsoluteRelative="relative" offset="0" scale="1"'
     action = trajectory(timing, times=(first, first + 2, first + 4))
     init = place("Ego", 100, 10) + place("Lead", 150, 0, -2)

@@ -1,4 +1,5 @@
-"""Small inputs with one answer by the standard: entries of every kind of catalogue, with parameters and expressions.
+"""Small inputs with one answer by the standard: entries of every kind of
+catalogue, with parameters and expressions.
 
 Each case names the class of the OpenSCENARIO XML reference that it tests.
 """
@@ -101,7 +102,8 @@ def test_a_trajectory_takes_what_its_reference_assigns(case: str, tmp_path: Path
     entry(
         tmp_path,
         "Trajectory",
-        f'<Trajectory name="thing" closed="false"><ParameterDeclarations>{declared(Y="6")}</ParameterDeclarations>'
+        '<Trajectory name="thing" '
+        f'closed="false"><ParameterDeclarations>{declared(Y="6")}</ParameterDeclarations>'
         f"<Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>",
     )
     action = routing(FOLLOW.format(reference(**assigned)))
@@ -118,7 +120,8 @@ def test_an_entry_computes_with_its_own_parameters(tmp_path: Path) -> None:
     entry(
         tmp_path,
         "Trajectory",
-        f'<Trajectory name="thing" closed="false"><ParameterDeclarations>{declared(Y="6")}</ParameterDeclarations>'
+        '<Trajectory name="thing" '
+        f'closed="false"><ParameterDeclarations>{declared(Y="6")}</ParameterDeclarations>'
         f"<Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>",
     )
     action = routing(FOLLOW.format(reference(Y="${3 * $Base}")))
@@ -131,8 +134,10 @@ def test_a_parameter_that_an_entry_does_not_have_is_named(tmp_path: Path) -> Non
     entry(
         tmp_path,
         "Trajectory",
-        '<Trajectory name="thing" closed="false"><Shape><Polyline><Vertex><Position><WorldPosition x="1" y="1"/>'
-        '</Position></Vertex><Vertex><Position><WorldPosition x="9" y="1"/></Position></Vertex></Polyline></Shape>'
+        '<Trajectory name="thing" '
+        'closed="false"><Shape><Polyline><Vertex><Position><WorldPosition x="1" y="1"/>'
+        '</Position></Vertex><Vertex><Position><WorldPosition x="9" '
+        'y="1"/></Position></Vertex></Polyline></Shape>'
         "</Trajectory>",
     )
     action = routing(FOLLOW.format(reference(Wrong="1")))
@@ -141,7 +146,10 @@ def test_a_parameter_that_an_entry_does_not_have_is_named(tmp_path: Path) -> Non
 
 
 def maneuver(parameters: str, events_: str) -> str:
-    return f'<Maneuver name="thing"><ParameterDeclarations>{parameters}</ParameterDeclarations>{events_}</Maneuver>'
+    return (
+        "<Maneuver "
+        f'name="thing"><ParameterDeclarations>{parameters}</ParameterDeclarations>{events_}</Maneuver>'
+    )
 
 
 def with_maneuver(ref: str) -> str:
@@ -166,14 +174,16 @@ def test_a_maneuver_of_a_catalogue_acts_for_the_actors_of_its_group(tmp_path: Pa
 def test_a_route_of_a_catalogue(tmp_path: Path) -> None:
     """RouteRef: an entry of a RouteCatalog, with parameters in its waypoints."""
     waypoints = "".join(
-        f'<Waypoint routeStrategy="shortest"><Position>{lane_position(-1, 0).replace(chr(34) + "0" + chr(34), chr(34) + s + chr(34), 1)}'
+        "<Waypoint "
+        f'routeStrategy="shortest"><Position>{lane_position(-1, 0).replace(chr(34) + "0" + chr(34), chr(34) + s + chr(34), 1)}'
         "</Position></Waypoint>"
         for s in ("100", "$End")
     )
     entry(
         tmp_path,
         "Route",
-        f'<Route name="thing" closed="false"><ParameterDeclarations>{declared(End="900")}</ParameterDeclarations>'
+        '<Route name="thing" '
+        f'closed="false"><ParameterDeclarations>{declared(End="900")}</ParameterDeclarations>'
         f"{waypoints}</Route>",
     )
     position = (
@@ -190,14 +200,17 @@ def test_an_environment_of_a_catalogue(tmp_path: Path) -> None:
     entry(
         tmp_path,
         "Environment",
-        f'<Environment name="thing"><ParameterDeclarations>{declared(Rain="1")}</ParameterDeclarations>'
+        "<Environment "
+        f'name="thing"><ParameterDeclarations>{declared(Rain="1")}</ParameterDeclarations>'
         '<TimeOfDay animation="true" dateTime="2026-06-01T12:00:00"/><Weather><Precipitation'
         ' precipitationType="rain" precipitationIntensity="$Rain"/></Weather></Environment>',
     )
     init = f"<GlobalAction><EnvironmentAction>{reference(Rain='${$Base / 2}')}</EnvironmentAction></GlobalAction>"
     clock = (
-        '<ConditionGroup><Condition name="c" delay="0" conditionEdge="none"><ByValueCondition><TimeOfDayCondition'
-        ' dateTime="2026-06-01T12:00:03" rule="greaterOrEqual"/></ByValueCondition></Condition></ConditionGroup>'
+        '<ConditionGroup><Condition name="c" delay="0" '
+        'conditionEdge="none"><ByValueCondition><TimeOfDayCondition'
+        ' dateTime="2026-06-01T12:00:03" '
+        'rule="greaterOrEqual"/></ByValueCondition></Condition></ConditionGroup>'
     )
     stories = story("Ego", [(99.0, speed_action(4))]).replace(at_time(99.0), clock)
     result = run(

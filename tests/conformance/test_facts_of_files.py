@@ -1,4 +1,6 @@
-"""Small inputs with one answer by the standard: what catalogues, versions, controllers of signals, heights and ends of roads mean."""
+"""Small inputs with one answer by the standard: what catalogues, versions, controllers of signals,
+heights and ends of roads mean.
+"""
 
 from __future__ import annotations
 
@@ -183,11 +185,15 @@ def test_an_entry_that_two_folders_have_is_a_remark(tmp_path: Path) -> None:
 
 def test_an_entry_has_the_parameters_that_its_reference_gives(tmp_path: Path) -> None:
     declared = (
-        '<ParameterDeclarations><ParameterDeclaration name="Width" parameterType="double" value="1.5"/>'
+        '<ParameterDeclarations><ParameterDeclaration name="Width" parameterType="double" '
+        'value="1.5"/>'
         "</ParameterDeclarations>"
     )
     put(tmp_path, "a/first.xosc", catalogue("Cars", vehicle("one", 3, "$Width", declared)))
-    given = '<ParameterAssignments><ParameterAssignment parameterRef="Width" value="1.9"/></ParameterAssignments>'
+    given = (
+        '<ParameterAssignments><ParameterAssignment parameterRef="Width" '
+        'value="1.9"/></ParameterAssignments>'
+    )
     for assignments, width in (("", 1.5), (given, 1.9)):
         result = from_catalogue(tmp_path, REFERENCE.format("Cars", "one", assignments), ("a",))
         assert result.recording.tracks["Ego"].box.width == width
@@ -213,7 +219,9 @@ def in_version(path: Path, minor: int, *changes: tuple[str, str]) -> Path:
 
 @pytest.mark.parametrize("minor", [0, 1, 2, 3])
 def test_a_default_mode_is_that_of_the_version(minor: int, tmp_path: Path) -> None:
-    """Without followingMode a change of speed is bound by the Performance before 1.2, and not from then on."""
+    """Without followingMode a change of speed is bound by the Performance before
+    1.2, and not from then on.
+    """
     action = speed_action(20, 'dynamicsShape="linear" dynamicsDimension="time" value="1"')
     path = scenario(
         tmp_path,
@@ -230,7 +238,9 @@ def test_a_default_mode_is_that_of_the_version(minor: int, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("minor", [0, 1, 2, 3])
 def test_parts_that_a_version_lets_out_change_nothing(minor: int, tmp_path: Path) -> None:
-    """Offsets, delays, edges, counts and StopTriggers have defaults that leave the motion as it is."""
+    """Offsets, delays, edges, counts and StopTriggers have defaults that leave
+    the motion as it is.
+    """
     change = CHANGE.format(' targetLaneOffset="0"', '<AbsoluteTargetLane value="-2"/>')
     tracks = []
     for removed in ((), ('targetLaneOffset="0"', 'delay="0"', 'maximumExecutionCount="1"')):
@@ -320,7 +330,8 @@ def test_the_end_of_the_road_is_a_condition_that_takes_its_time(
 ) -> None:
     body = (
         '<ConditionGroup><Condition name="c" delay="0" conditionEdge="none"><ByEntityCondition>'
-        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/></TriggeringEntities>'
         '<EntityCondition><EndOfRoadCondition duration="2"/></EntityCondition></ByEntityCondition>'
         "</Condition></ConditionGroup>"
     )
@@ -379,7 +390,8 @@ def test_distances_on_a_ring_are_the_shortest_way(system: str, tmp_path: Path) -
     ring(tmp_path)
     condition = (
         '<ConditionGroup><Condition name="c" delay="0" conditionEdge="none"><ByEntityCondition>'
-        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/></TriggeringEntities>'
         '<EntityCondition><RelativeDistanceCondition entityRef="Lead" freespace="false"'
         f' relativeDistanceType="longitudinal" coordinateSystem="{system}"'
         ' value="{}" rule="{}"/></EntityCondition>'

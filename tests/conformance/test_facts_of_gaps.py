@@ -1,4 +1,5 @@
-"""Small inputs with one answer by the standard: distances that actions keep, lanes of no width, rings of several roads, left-hand traffic.
+"""Small inputs with one answer by the standard: distances that actions keep, lanes of no width,
+rings of several roads, left-hand traffic.
 
 Each case names the class of the OpenSCENARIO XML reference that it tests.
 """
@@ -26,7 +27,8 @@ from tests.runner.files import ROADS, place, story
 def keep(attributes: str, inside: str = "") -> str:
     return (
         "<PrivateAction><LongitudinalAction><LongitudinalDistanceAction"
-        f' entityRef="Lead" {attributes}>{inside}</LongitudinalDistanceAction></LongitudinalAction></PrivateAction>'
+        ' entityRef="Lead" '
+        f"{attributes}>{inside}</LongitudinalDistanceAction></LongitudinalAction></PrivateAction>"
     )
 
 
@@ -54,7 +56,9 @@ KEPT = {
 @pytest.mark.parametrize("limited", [False, True], ids=["rigid", "limited"])
 @pytest.mark.parametrize("case", KEPT)
 def test_a_distance_that_is_kept(case: str, limited: bool, tmp_path: Path) -> None:
-    """LongitudinalDistanceAction: distance or timeGap, freespace, displacement, coordinateSystem."""
+    """LongitudinalDistanceAction: distance or timeGap, freespace, displacement,
+    coordinateSystem.
+    """
     attributes, apart = KEPT[case]
     init = place("Ego", 100, 10) + place("Lead", 150, 10, -2)
     action = keep(attributes, LIMITS if limited else "")
@@ -81,7 +85,10 @@ ASIDE = {
         -2.25,
     ),
     "lane": (
-        'distance="2" freespace="false" continuous="true" displacement="leftToReferencedEntity" coordinateSystem="lane"',
+        (
+            'distance="2" freespace="false" continuous="true" '
+            'displacement="leftToReferencedEntity" coordinateSystem="lane"'
+        ),
         -3.25,
     ),
 }
@@ -110,12 +117,15 @@ TIMES = {
 
 @pytest.mark.parametrize("case", TIMES)
 def test_times_to_collision(case: str, tmp_path: Path) -> None:
-    """TimeToCollisionCondition: distance over closing speed; of a place, over the entity's speed."""
+    """TimeToCollisionCondition: distance over closing speed; of a place, over
+    the entity's speed.
+    """
     freespace, target, value, time = TIMES[case]
     speeds = (20.0, 0.0) if "place" in case else (20.0, 10.0)
     text = (
         f'<TimeToCollisionCondition freespace="{freespace}" rule="lessOrEqual" value="{value}"'
-        ' coordinateSystem="lane" relativeDistanceType="longitudinal"><TimeToCollisionConditionTarget>'
+        ' coordinateSystem="lane" '
+        'relativeDistanceType="longitudinal"><TimeToCollisionConditionTarget>'
         f"{target}</TimeToCollisionConditionTarget></TimeToCollisionCondition>"
     )
     init = place("Ego", 100, speeds[0]) + place("Lead", 200, speeds[1])
@@ -143,7 +153,9 @@ FLAT = {
 
 @pytest.mark.parametrize("case", FLAT)
 def test_lanes_of_no_width_count(case: str, tmp_path: Path) -> None:
-    """RelativeLanePosition: dLane counts the lanes of the section, the centre lane not, whatever their width."""
+    """RelativeLanePosition: dLane counts the lanes of the section, the centre
+    lane not, whatever their width.
+    """
     text, lane, y = FLAT[case]
     flat_lane(tmp_path)
     lead = lane_position(lane, 500 if lane > 0 else 100)
@@ -290,7 +302,8 @@ def test_distances_on_a_ring_of_roads_are_the_shorter_way(
         "Lead", on_ring(lead, -1, roads, against), 0
     )
     text = (
-        '<RelativeDistanceCondition entityRef="Lead" freespace="false" relativeDistanceType="longitudinal"'
+        '<RelativeDistanceCondition entityRef="Lead" freespace="false" '
+        'relativeDistanceType="longitudinal"'
         ' coordinateSystem="road" value="{}" rule="{}"/>'
     )
     assert triggered(tmp_path, text.format(abs(apart) - 0.5, "greaterThan"), init) == 0.0
@@ -304,7 +317,9 @@ def test_distances_on_a_ring_of_roads_are_the_shorter_way(
 def test_lanes_count_to_the_left_of_a_car_in_left_hand_traffic(
     target: str, y: float, tmp_path: Path
 ) -> None:
-    """LaneChangeAction, RelativeTargetLane: positive to the left of the reference; lane 1 is driven along s."""
+    """LaneChangeAction, RelativeTargetLane: positive to the left of the
+    reference; lane 1 is driven along s.
+    """
     change = CHANGE.format(
         "", f'<RelativeTargetLane entityRef="Ego" value="{target.removeprefix("+")}"/>'
     )
@@ -317,7 +332,8 @@ def test_a_left_hand_clearance_counts_lanes_to_the_left(tmp_path: Path) -> None:
     """RelativeClearanceCondition: from and to count lanes to the left of the entity."""
     clear = (
         '<RelativeClearanceCondition freeSpace="false" oppositeLanes="false" distanceForward="60"'
-        ' distanceBackward="10"><RelativeLaneRange from="{0}" to="{0}"/></RelativeClearanceCondition>'
+        ' distanceBackward="10"><RelativeLaneRange from="{0}" '
+        'to="{0}"/></RelativeClearanceCondition>'
     )
     init = place("Ego", 100, 10, 1) + place("Lead", 140, 10, 2)
     assert triggered(tmp_path, clear.format(1), init, road="straight_lht") is None

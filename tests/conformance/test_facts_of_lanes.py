@@ -1,4 +1,6 @@
-"""Small inputs with one answer by the standard: lanes in conditions, over lane sections, for drivers, in actions that follow each other."""
+"""Small inputs with one answer by the standard: lanes in conditions, over lane sections, for
+drivers, in actions that follow each other.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,8 @@ def test_lateral_distances_count_offsets_within_lanes(
         "Lead", lane_position(-2, 100, -0.5), 10
     )
     condition = (
-        '<RelativeDistanceCondition entityRef="Lead" freespace="false" relativeDistanceType="lateral"'
+        '<RelativeDistanceCondition entityRef="Lead" freespace="false" '
+        'relativeDistanceType="lateral"'
         f' coordinateSystem="{system}" value="{{}}" rule="{{}}"/>'
     )
     for value, rule in ((apart - 0.01, "greaterThan"), (apart + 0.01, "lessThan")):
@@ -82,7 +85,9 @@ def test_a_car_is_off_the_road_where_its_reference_point_is(
 def sections(
     folder: Path, lanes: tuple[tuple[int, ...], tuple[int, ...]], links: dict[int, int]
 ) -> None:
-    """A straight road whose lanes to the right change their numbers at s = 300 m: a lane is inserted or goes away inside."""
+    """A straight road whose lanes to the right change their numbers at s = 300 m: a lane is
+    inserted or goes away inside.
+    """
 
     def section(s: float, numbers: tuple[int, ...], kind: str, linked: dict[int, int]) -> str:
         inner = "".join(
@@ -262,7 +267,9 @@ def test_a_car_follows_lanes_that_a_lane_offset_moves(tmp_path: Path) -> None:
 def test_t_counts_from_the_reference_line_and_lanes_move(
     position: str, y: float, tmp_path: Path
 ) -> None:
-    """RoadPosition, RelativeRoadPosition: t is that of the reference line, whatever the laneOffset."""
+    """RoadPosition, RelativeRoadPosition: t is that of the reference line,
+    whatever the laneOffset.
+    """
     shifted(tmp_path)
     ego, _ = placed_beside(tmp_path, position)
     assert (at(ego, 8.0, "x"), at(ego, 8.0, "y")) == pytest.approx((400.0, y))

@@ -1,4 +1,5 @@
-"""Small inputs with one answer by the standard: when conditions hold, what values become, which entities are meant.
+"""Small inputs with one answer by the standard: when conditions hold, what
+values become, which entities are meant.
 
 Each case names the class of the OpenSCENARIO XML reference that it tests.
 """
@@ -44,7 +45,8 @@ def when(folder: Path, text: str, init: str = "", more: str = "", **options: obj
 
 
 TO_A_PLACE = (
-    '<DistanceCondition freespace="{}" coordinateSystem="{}" relativeDistanceType="{}" value="{}" rule="lessOrEqual">'
+    '<DistanceCondition freespace="{}" coordinateSystem="{}" relativeDistanceType="{}" value="{}" '
+    'rule="lessOrEqual">'
     "<Position>{}</Position></DistanceCondition>"
 )
 DISTANCES = {
@@ -78,7 +80,9 @@ DISTANCES = {
 
 @pytest.mark.parametrize("case", DISTANCES)
 def test_distances_to_a_place(case: str, tmp_path: Path) -> None:
-    """DistanceCondition: coordinateSystem, relativeDistanceType, freespace (of the entity's box)."""
+    """DistanceCondition: coordinateSystem, relativeDistanceType, freespace (of
+    the entity's box).
+    """
     *values, time = DISTANCES[case]
     init = place("Ego", 100, 10) + place("Lead", 400, 0)
     found = triggered(tmp_path, TO_A_PLACE.format(*values), init)
@@ -102,21 +106,29 @@ MOTION = {
     ),
     "relative speed": ('<RelativeSpeedCondition entityRef="Lead" value="2" rule="lessThan"/>', 5.0),
     "relative speed, longitudinal": (
-        '<RelativeSpeedCondition entityRef="Lead" value="2" rule="lessThan" direction="longitudinal"/>',
+        (
+            '<RelativeSpeedCondition entityRef="Lead" value="2" rule="lessThan" '
+            'direction="longitudinal"/>'
+        ),
         5.0,
     ),
     "standing": ('<StandStillCondition duration="1.5"/>', 7.5),
     "angle, heading": (
-        '<AngleCondition angleType="heading" angle="0" angleTolerance="0.01" coordinateSystem="road"/>',
+        (
+            '<AngleCondition angleType="heading" angle="0" angleTolerance="0.01" '
+            'coordinateSystem="road"/>'
+        ),
         0.0,
     ),
     "relative angle": (
-        f'<RelativeAngleCondition entityRef="Lead" angleType="heading" angle="{math.pi}" angleTolerance="0.01"'
+        f'<RelativeAngleCondition entityRef="Lead" angleType="heading" angle="{math.pi}" '
+        'angleTolerance="0.01"'
         ' coordinateSystem="entity"/>',
         0.0,
     ),
     "relative angle, other": (
-        '<RelativeAngleCondition entityRef="Lead" angleType="heading" angle="0" angleTolerance="0.01"'
+        '<RelativeAngleCondition entityRef="Lead" angleType="heading" angle="0" '
+        'angleTolerance="0.01"'
         ' coordinateSystem="entity"/>',
         None,
     ),
@@ -125,7 +137,9 @@ MOTION = {
 
 @pytest.mark.parametrize("case", MOTION)
 def test_conditions_of_motion(case: str, tmp_path: Path) -> None:
-    """SpeedCondition, AccelerationCondition, RelativeSpeedCondition, StandStillCondition, AngleCondition."""
+    """SpeedCondition, AccelerationCondition, RelativeSpeedCondition,
+    StandStillCondition, AngleCondition.
+    """
     text, time = MOTION[case]
     init = start("Ego", lane_position(-1, 100), 10) + start("Lead", lane_position(1, 600), 0)
     braking = other(story("Ego", [(1.0, speed_action(0, BRAKE))]))
@@ -143,7 +157,8 @@ def clock(start_at: str, animation: str) -> str:
 def time_of_day(date: str, rule: str = "greaterOrEqual") -> str:
     return condition(
         "clock",
-        f'<ByValueCondition><TimeOfDayCondition dateTime="{date}" rule="{rule}"/></ByValueCondition>',
+        f'<ByValueCondition><TimeOfDayCondition dateTime="{date}" '
+        f'rule="{rule}"/></ByValueCondition>',
     )
 
 
@@ -157,7 +172,9 @@ CLOCKS = {
 
 @pytest.mark.parametrize("case", CLOCKS)
 def test_the_time_of_day(case: str, tmp_path: Path) -> None:
-    """TimeOfDay: animation lets it pass with the simulation time; TimeOfDayCondition compares date and time."""
+    """TimeOfDay: animation lets it pass with the simulation time;
+    TimeOfDayCondition compares date and time.
+    """
     start_at, animation, date, expected = CLOCKS[case]
     init = clock(start_at, animation) + place("Ego", 100, 10) + place("Lead", 400, 0)
     assert when(tmp_path, time_of_day(date), init) == pytest.approx(expected, abs=0.051)
@@ -165,7 +182,8 @@ def test_the_time_of_day(case: str, tmp_path: Path) -> None:
 
 def selected(members: str, rule: str = "any", actors: str = "Both") -> str:
     return (
-        f'<Entities>{car("Ego")}{car("Lead")}<EntitySelection name="{actors}"><Members>{members}</Members>'
+        f"<Entities>{car('Ego')}{car('Lead')}<EntitySelection "
+        f'name="{actors}"><Members>{members}</Members>'
         "</EntitySelection></Entities>"
     )
 
@@ -173,7 +191,8 @@ def selected(members: str, rule: str = "any", actors: str = "Both") -> str:
 BOTH = '<EntityRef entityRef="Ego"/><EntityRef entityRef="Lead"/>'
 SPEED_OF = (
     '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="{}">{}</TriggeringEntities>'
-    '<EntityCondition><SpeedCondition value="{}" rule="greaterOrEqual"/></EntityCondition></ByEntityCondition>'
+    '<EntityCondition><SpeedCondition value="{}" '
+    'rule="greaterOrEqual"/></EntityCondition></ByEntityCondition>'
 )
 
 
@@ -187,7 +206,9 @@ def with_selection(folder: Path, members: str, init: str, stories: str) -> runne
 
 @pytest.mark.parametrize("members", [BOTH, '<ByType objectType="vehicle"/>'])
 def test_a_selection_acts_and_triggers_as_its_members(members: str, tmp_path: Path) -> None:
-    """EntitySelection: as an actor all members act; as a triggering entity they are asked by the rule."""
+    """EntitySelection: as an actor all members act; as a triggering entity they
+    are asked by the rule.
+    """
     init = place("Ego", 100, 10) + place("Lead", 300, 10)
     faster = speed_action(12).replace("<PrivateAction>", "<PrivateAction>")
     stories = story("Both", [(2.0, faster)])
@@ -253,7 +274,10 @@ def variable(name: str, kind: str, value: str) -> str:
 
 
 def change(name: str, inner: str) -> str:
-    return f'<GlobalAction><VariableAction variableRef="{name}">{inner}</VariableAction></GlobalAction>'
+    return (
+        "<GlobalAction><VariableAction "
+        f'variableRef="{name}">{inner}</VariableAction></GlobalAction>'
+    )
 
 
 def modify(rule: str) -> str:
@@ -280,7 +304,9 @@ VALUES = {
 
 @pytest.mark.parametrize("case", VALUES)
 def test_values_of_variables(case: str, tmp_path: Path) -> None:
-    """VariableModifyAction, VariableSetAction, VariableCondition: values are of their declared type."""
+    """VariableModifyAction, VariableSetAction, VariableCondition: values are of
+    their declared type.
+    """
     kind, value, action, (rule, compared), expected = VALUES[case]
     text = (
         f'<ByValueCondition><VariableCondition variableRef="V" rule="{rule}" value="{compared}"/>'
@@ -328,10 +354,14 @@ PRIORITIES = {"override": 20.0, "skip": 10.0, "parallel": 20.0}
 
 @pytest.mark.parametrize("priority", PRIORITIES)
 def test_priorities_of_events(priority: str, tmp_path: Path) -> None:
-    """Event: override stops the running ones of the maneuver, skip does not start beside one, parallel does."""
+    """Event: override stops the running ones of the maneuver, skip does not
+    start beside one, parallel does.
+    """
     lights = (
-        '<PrivateAction><LateralAction><LaneOffsetAction continuous="true"><LaneOffsetActionDynamics'
-        ' maxLateralAcc="2" dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="1"/>'
+        "<PrivateAction><LateralAction><LaneOffsetAction "
+        'continuous="true"><LaneOffsetActionDynamics'
+        ' maxLateralAcc="2" '
+        'dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="1"/>'
         "</LaneOffsetTarget></LaneOffsetAction></LateralAction></PrivateAction>"
     )
     text = story("Ego", [(1.0, lights), (3.0, speed_action(20))])

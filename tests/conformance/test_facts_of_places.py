@@ -1,4 +1,5 @@
-"""Small inputs with one answer by the standard: positions relative to entities that actions have moved, over joints and on rings.
+"""Small inputs with one answer by the standard: positions relative to entities that actions have
+moved, over joints and on rings.
 
 Lanes of road 1 (`straight`) are 3.5 m wide: -1 has its centre at t = -1.75 m, -2 at -5.25 m.
 """
@@ -78,7 +79,9 @@ def test_lanes_count_from_the_lane_below_the_reference_point(
 
 
 def test_a_target_lane_offset_is_kept_by_relative_lanes_and_not_by_others(tmp_path: Path) -> None:
-    """A lane change with targetLaneOffset ends beside the middle; a position in that lane does not inherit it."""
+    """A lane change with targetLaneOffset ends beside the middle; a position in
+    that lane does not inherit it.
+    """
     change = CHANGE.format(' targetLaneOffset="-0.5"', '<AbsoluteTargetLane value="-2"/>')
     position = '<RelativeLanePosition entityRef="Lead" dLane="0" ds="10"/>'
     ego, lead = placed_beside(tmp_path, position, change)
@@ -126,7 +129,9 @@ def test_positions_over_a_joint_with_a_road_that_is_laid_against_it(
 def test_offsets_and_lanes_on_roads_of_either_traffic_rule(
     rule: str, lane: int, x_direction: int, tmp_path: Path
 ) -> None:
-    """Offsets are along t of the road; lanes relative to an entity count to the left of the entity itself."""
+    """Offsets are along t of the road; lanes relative to an entity count to the
+    left of the entity itself.
+    """
     init = start("Ego", lane_position(lane, 500), 10) + start("Lead", lane_position(2, 900), 0)
     change = CHANGE.format("", '<RelativeTargetLane entityRef="Ego" value="{}"/>')
     outwards = math.copysign(1, lane) * x_direction  # the left of an entity is +t where it faces +s
@@ -151,7 +156,9 @@ def test_a_teleport_is_no_way_driven_and_changes_no_speed(tmp_path: Path) -> Non
 
 
 def test_a_teleport_in_a_lane_change_ends_it_where_it_is_put(tmp_path: Path) -> None:
-    """A TeleportAction takes the lateral control, so that the lane change does not pull the car back."""
+    """A TeleportAction takes the lateral control, so that the lane change does
+    not pull the car back.
+    """
     change = CHANGE.format("", '<AbsoluteTargetLane value="-2"/>')
     actions = [(1.0, change), (2.0, TELEPORT.format(lane_position(1, 500)))]
     init = place("Ego", 100, 10) + place("Lead", 300, 0, -2)

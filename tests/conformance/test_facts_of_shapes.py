@@ -1,4 +1,5 @@
-"""Small inputs with one answer by the standard: shapes of trajectories, positions along them, orientations.
+"""Small inputs with one answer by the standard: shapes of trajectories,
+positions along them, orientations.
 
 Each case names the class of the OpenSCENARIO XML reference that it tests.
 """
@@ -30,9 +31,11 @@ def follow(
     skipped = f' initialDistanceOffset="{offset}"' if offset is not None else ""
     return (
         f"<PrivateAction><RoutingAction><FollowTrajectoryAction{skipped}><TrajectoryRef>"
-        f'<Trajectory name="t" closed="{str(closed).lower()}"><Shape>{shape}</Shape></Trajectory></TrajectoryRef>'
+        '<Trajectory name="t" '
+        f'closed="{str(closed).lower()}"><Shape>{shape}</Shape></Trajectory></TrajectoryRef>'
         f"<TimeReference>{timing if timed else '<None/>'}</TimeReference>"
-        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+        "<TrajectoryFollowingMode "
+        'followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
     )
 
 
@@ -43,7 +46,9 @@ def driven(folder: Path, action: str, speed: float = 10.0) -> dict[str, np.ndarr
 
 
 def clothoid(pieces: list[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Pose at the end of pieces (curvatures at both ends and length) from the origin along x, by quadrature."""
+    """Pose at the end of pieces (curvatures at both ends and length) from the
+    origin along x, by quadrature.
+    """
     x = y = h = 0.0
     for first, last, length in pieces:
         s = np.linspace(0.0, length, 20001)
@@ -56,7 +61,10 @@ def clothoid(pieces: list[tuple[float, float, float]]) -> tuple[float, float, fl
 
 def test_a_clothoid_bends_by_its_change_of_curvature(tmp_path: Path) -> None:
     """Clothoid: curvature at the start, curvaturePrime per metre, length."""
-    shape = f'<Clothoid curvature="0.01" curvaturePrime="0.0004" length="60">{world(200, 100, 0)}</Clothoid>'
+    shape = (
+        '<Clothoid curvature="0.01" curvaturePrime="0.0004" '
+        f'length="60">{world(200, 100, 0)}</Clothoid>'
+    )
     ego = driven(tmp_path, follow(shape))
     x, y, h = clothoid([(0.01, 0.01 + 60 * 0.0004, 60.0)])
     assert at(ego, 6.0, "x") == pytest.approx(200 + x, abs=0.02)
@@ -67,9 +75,11 @@ def test_a_clothoid_bends_by_its_change_of_curvature(tmp_path: Path) -> None:
 def test_segments_of_a_clothoid_spline_join(tmp_path: Path) -> None:
     """ClothoidSpline: a segment without PositionStart begins where the one before it ends."""
     shape = (
-        f'<ClothoidSpline><ClothoidSplineSegment curvatureStart="0" curvatureEnd="0.02" length="30">'
+        '<ClothoidSpline><ClothoidSplineSegment curvatureStart="0" curvatureEnd="0.02" '
+        'length="30">'
         f"{world(200, 100, 0).replace('Position>', 'PositionStart>')}</ClothoidSplineSegment>"
-        '<ClothoidSplineSegment curvatureStart="0.02" curvatureEnd="-0.02" length="40"/></ClothoidSpline>'
+        '<ClothoidSplineSegment curvatureStart="0.02" curvatureEnd="-0.02" '
+        'length="40"/></ClothoidSpline>'
     )
     ego = driven(tmp_path, follow(shape))
     x, y, _ = clothoid([(0.0, 0.02, 30.0), (0.02, -0.02, 40.0)])
@@ -78,11 +88,14 @@ def test_segments_of_a_clothoid_spline_join(tmp_path: Path) -> None:
 
 
 def test_a_segment_of_a_clothoid_spline_turns_by_its_heading_offset(tmp_path: Path) -> None:
-    """ClothoidSplineSegment: hOffset turns the beginning of the segment against the end of the one before."""
+    """ClothoidSplineSegment: hOffset turns the beginning of the segment against
+    the end of the one before.
+    """
     shape = (
         f'<ClothoidSpline><ClothoidSplineSegment curvatureStart="0" curvatureEnd="0" length="30">'
         f"{world(200, 100, 0).replace('Position>', 'PositionStart>')}</ClothoidSplineSegment>"
-        '<ClothoidSplineSegment curvatureStart="0" curvatureEnd="0" length="40" hOffset="0.5"/></ClothoidSpline>'
+        '<ClothoidSplineSegment curvatureStart="0" curvatureEnd="0" length="40" '
+        'hOffset="0.5"/></ClothoidSpline>'
     )
     ego = driven(tmp_path, follow(shape))
     assert at(ego, 7.0, "x") == pytest.approx(230 + 40 * math.cos(0.5), abs=0.02)
@@ -141,7 +154,9 @@ def test_a_closed_trajectory_is_gone_round(tmp_path: Path) -> None:
 
 
 def test_headings_of_vertices_turn_the_entity_and_not_its_way(tmp_path: Path) -> None:
-    """Vertex: the orientation of its position is that of the entity there; between two it turns from one to the other."""
+    """Vertex: the orientation of its position is that of the entity there;
+    between two it turns from one to the other.
+    """
     vertices = "".join(
         f'<Vertex time="{time}">{world(200 + 20 * time, 100, h)}</Vertex>'
         for time, h in ((0, 0.0), (2, 1.0), (4, 1.0))
@@ -156,7 +171,8 @@ def test_headings_of_vertices_turn_the_entity_and_not_its_way(tmp_path: Path) ->
 def along(s: float, t: float | None = None, orientation: str = "") -> str:
     aside = f' t="{t}"' if t is not None else ""
     return (
-        f'<TrajectoryPosition s="{s}"{aside}>{orientation}<TrajectoryRef><Trajectory name="t" closed="false"><Shape>'
+        f'<TrajectoryPosition s="{s}"{aside}>{orientation}<TrajectoryRef><Trajectory name="t" '
+        'closed="false"><Shape>'
         "<Polyline>"
         f"<Vertex>{world(200, 100)}</Vertex><Vertex>{world(200, 200)}</Vertex></Polyline>"
         "</Shape></Trajectory></TrajectoryRef></TrajectoryPosition>"
@@ -185,11 +201,13 @@ def test_positions_on_a_trajectory(case: str, tmp_path: Path) -> None:
 
 def on_route(inside: str, orientation: str = "") -> str:
     waypoints = "".join(
-        f'<Waypoint routeStrategy="shortest"><Position>{lane_position(*place)}</Position></Waypoint>'
+        "<Waypoint "
+        f'routeStrategy="shortest"><Position>{lane_position(*place)}</Position></Waypoint>'
         for place in ((-1, 100), (-1, 600))
     )
     return (
-        f'<RoutePosition><RouteRef><Route name="r" closed="false">{waypoints}</Route></RouteRef>{orientation}'
+        '<RoutePosition><RouteRef><Route name="r" '
+        f'closed="false">{waypoints}</Route></RouteRef>{orientation}'
         f"<InRoutePosition>{inside}</InRoutePosition></RoutePosition>"
     )
 
@@ -225,18 +243,21 @@ TURNED = {
         (420, -1.25, math.pi),
     ),
     "object turned": (
-        '<RelativeObjectPosition entityRef="Lead" dx="10" dy="0"><Orientation type="relative" h="0.25"/>'
+        '<RelativeObjectPosition entityRef="Lead" dx="10" dy="0"><Orientation '
+        'type="relative" h="0.25"/>'
         "</RelativeObjectPosition>",
         (410, 1.75, math.pi + 0.25),
     ),
     "object absolute": (
-        '<RelativeObjectPosition entityRef="Lead" dx="10" dy="0"><Orientation type="absolute" h="0.25"/>'
+        '<RelativeObjectPosition entityRef="Lead" dx="10" dy="0"><Orientation '
+        'type="absolute" h="0.25"/>'
         "</RelativeObjectPosition>",
         (410, 1.75, 0.25),
     ),
     "world": ('<RelativeWorldPosition entityRef="Lead" dx="10" dy="3"/>', (430, 4.75, math.pi)),
     "world turned": (
-        '<RelativeWorldPosition entityRef="Lead" dx="10" dy="3"><Orientation type="relative" h="0.25"/>'
+        '<RelativeWorldPosition entityRef="Lead" dx="10" dy="3"><Orientation '
+        'type="relative" h="0.25"/>'
         "</RelativeWorldPosition>",
         (430, 4.75, math.pi + 0.25),
     ),
@@ -251,7 +272,9 @@ TURNED = {
 
 @pytest.mark.parametrize("case", TURNED)
 def test_positions_relative_to_an_oncoming_car(case: str, tmp_path: Path) -> None:
-    """RelativeObjectPosition counts in the entity's frame, RelativeWorldPosition along the world's axes, ds along s."""
+    """RelativeObjectPosition counts in the entity's frame, RelativeWorldPosition
+    along the world's axes, ds along s.
+    """
     text, (x, y, h) = TURNED[case]
     ego, lead = placed_beside(tmp_path, text, lead=lane_position(1, 500))
     assert at(lead, 8.0, "x") == pytest.approx(420.0)
@@ -273,7 +296,8 @@ BACK_OVER_THE_JOINT = {
 def test_a_way_back_leads_over_the_joint_with_a_road_laid_against(
     case: str, tmp_path: Path
 ) -> None:
-    """RelativeLanePosition, RelativeRoadPosition: offsets lead over the end of a road along its links.
+    """RelativeLanePosition, RelativeRoadPosition: offsets lead over the end of a
+    road along its links.
 
     ds counts along s, dsLane as the entity faces.
     """
@@ -295,7 +319,8 @@ def test_a_teleport_keeps_a_trajectory_of_another_entity_where_it_is(tmp_path: P
     """Trajectory: positions relative to an entity are taken when the action starts."""
     shape = (
         "<Polyline><Vertex><Position>"
-        '<RelativeObjectPosition entityRef="Lead" dx="0" dy="3.5"/></Position></Vertex><Vertex><Position>'
+        '<RelativeObjectPosition entityRef="Lead" dx="0" '
+        'dy="3.5"/></Position></Vertex><Vertex><Position>'
         '<RelativeObjectPosition entityRef="Lead" dx="60" dy="3.5"/></Position></Vertex></Polyline>'
     )
     init = place("Ego", 100, 10) + start("Lead", lane_position(-2, 200), 0)

@@ -1,4 +1,6 @@
-"""Routes change lanes where others leave a gap; they wait for one, and it is said where the lane was not reached."""
+"""Routes change lanes where others leave a gap; they wait for one, and it is
+said where the lane was not reached.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from tests.runner.files import car, place, scenario, speed_action, story
 
 
 def drive(folder: Path, other: str, events: str = "", action: str = "route") -> RunResult:
-    """Ego from s = 100 m of lane -1 at 20 m/s is to be in lane -2 at s = 400 m; Other is where it is put."""
+    """Ego from s = 100 m of lane -1 at 20 m/s is to be in lane -2 at s = 400 m;
+    Other is where it is put.
+    """
     goal = waypoint(1, -2, 400)
     body = route(waypoint(1, -1, 100), goal) if action == "route" else acquire(goal)
     way = story("Ego", [(0.0, f"<PrivateAction>{body}</PrivateAction>")])

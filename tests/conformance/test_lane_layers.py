@@ -1,4 +1,6 @@
-"""Layers of lanes: the road's temporary lanes, from 100 m to 180 m, are narrower and moved 1 m to the right."""
+"""Layers of lanes: the road's temporary lanes, from 100 m to 180 m, are narrower
+and moved 1 m to the right.
+"""
 
 from __future__ import annotations
 
@@ -102,7 +104,9 @@ def test_a_layer_that_there_is_not_is_refused() -> None:
 
 
 def test_a_lane_that_only_the_permanent_layer_has_is_taken_with_a_remark(tmp_path: Path) -> None:
-    """The closed lane of the library's road works: named by its layer it is valid, without a layer it breaks a rule."""
+    """The closed lane of the library's road works: named by its layer it is
+    valid, without a layer it breaks a rule.
+    """
     text = (
         (LIBRARY / "lane_closure_highway.xosc")
         .read_text("utf-8")

@@ -11,7 +11,9 @@ import runner
 from tests.conformance.support import SCENARIOS, changed, track
 
 CLOSING = {"right": ("1", "-2", 100.0, -1, 150.0, -3.5), "left": ("1", "1", 150.0, 2, 50.0, 0.0)}
-"""Road, lane and s of the start; the lane beside; where the first one ends: s on road 1, and t there"""
+"""Road, lane and s of the start; the lane beside; where the first one ends: s on
+road 1, and t there
+"""
 
 
 def driven(tmp_path: Path, road: str, lane: str, s: float, speed: float = 20.0) -> runner.RunResult:

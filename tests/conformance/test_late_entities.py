@@ -1,4 +1,6 @@
-"""Actors are chosen for each action: entities without a place are brought in by the action that places them."""
+"""Actors are chosen for each action: entities without a place are brought in by
+the action that places them.
+"""
 
 from __future__ import annotations
 
@@ -107,7 +109,9 @@ def test_a_recording_of_an_entity_that_enters_driving_begins_without_an_accelera
 
 
 def swapped(tmp_path: Path) -> Path:
-    """The scenario with a SpeedAction of the entity before the action that adds it, in one event."""
+    """The scenario with a SpeedAction of the entity before the action that adds
+    it, in one event.
+    """
     path = changed(
         SCENARIOS / "AddEntityAction.xosc",
         tmp_path,

@@ -1,4 +1,6 @@
-"""LaneChangeAction, LaneOffsetAction and LateralDistanceAction, by the standard's formulas. All begin at 1 s."""
+"""LaneChangeAction, LaneOffsetAction and LateralDistanceAction, by the
+standard's formulas. All begin at 1 s.
+"""
 
 from __future__ import annotations
 
@@ -107,7 +109,9 @@ def test_what_creeps_moves_no_more_sideways_than_it_travels() -> None:
 @pytest.mark.parametrize("facing", (1, -1))
 @pytest.mark.parametrize("side", (1, -1))
 def test_relative_lanes_count_to_the_left_of_the_entity(rule: str, facing: int, side: int) -> None:
-    """The sign matrix: traffic rule × direction of travel × side, from one of the direction's two lanes to the other."""
+    """The sign matrix: traffic rule × direction of travel × side, from one of
+    the direction's two lanes to the other.
+    """
     own_side = facing if rule == "LHT" else -facing
     lane = own_side * (1 if side * facing == own_side else 2)
     result = change_run(Road=ROADS[rule], Lane=lane, Steps=side)
@@ -144,7 +148,8 @@ def test_an_absolute_lane_is_reached_across_others() -> None:
 def test_a_lane_that_does_not_exist_there_is_named() -> None:
     with pytest.raises(
         InvalidFile,
-        match=r"LaneChangeAction\.xosc:\d+: LaneChangeAction: .* can't change to lane .* has the lanes",
+        match=r"LaneChangeAction\.xosc:\d+: LaneChangeAction: .* can't change to "
+        r"lane .* has the lanes",
     ):
         change_run(Steps=-5)
 
@@ -154,11 +159,17 @@ def test_a_lane_that_does_not_exist_there_is_named() -> None:
     [
         (
             {"Target": "-7"},
-            "AbsoluteTargetLane: value='-7' is no lane of any road; lanes there are: -3, -2, -1, 1, 2, 3",
+            (
+                "AbsoluteTargetLane: value='-7' is no lane of any road; lanes there "
+                "are: -3, -2, -1, 1, 2, 3"
+            ),
         ),
         (
             {"Steps": -6},
-            "RelativeTargetLane: value='-6' leads beyond the lanes of any road, which has 6 at most",
+            (
+                "RelativeTargetLane: value='-6' leads beyond the lanes of any "
+                "road, which has 6 at most"
+            ),
         ),
     ],
 )
@@ -195,7 +206,10 @@ def test_a_lane_change_goes_on_where_the_next_road_is_laid_the_other_way_round(
 ENDING = """<road id="{id}" length="{length}" junction="-1"><link>{link}</link>
 <planView><geometry s="0" x="{x}" y="0" hdg="0" length="{length}"><line/></geometry></planView>
 <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>{lanes}</right></laneSection></lanes></road>"""
-ENDING_LANE = '<lane id="{}" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+ENDING_LANE = (
+    '<lane id="{}" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" '
+    'd="0"/></lane>'
+)
 
 
 def test_a_change_to_a_lane_that_does_not_go_on_ends_in_the_lane_that_does(tmp_path: Path) -> None:
@@ -404,7 +418,9 @@ def test_the_check_names_a_continuous_offset_from_ones_own(
 
 
 def test_headings_are_the_lanes_where_it_slants(tmp_path: Path) -> None:
-    """Lane -1 widens by 2 cm a metre, so that lane -2 and its traffic go 2 cm to the right with every metre."""
+    """Lane -1 widens by 2 cm a metre, so that lane -2 and its traffic go 2 cm to
+    the right with every metre.
+    """
     road = (SCENARIOS.parent / "roads" / "straight.xodr").read_text(encoding="utf-8")
     before, after = road.split('<lane id="-1"')
     after = re.sub(r'(<width [^>]*?)b="[^"]*"', r'\1b="0.02"', after, count=1)

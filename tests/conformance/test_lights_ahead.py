@@ -1,4 +1,6 @@
-"""One red light, written in each way: what a system sees of it, whether it stops, and what is said of a run through it."""
+"""One red light, written in each way: what a system sees of it, whether it
+stops, and what is said of a run through it.
+"""
 
 from __future__ import annotations
 
@@ -93,9 +95,11 @@ def test_a_state_that_is_not_understood_is_said_to_be(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("state", "aspect"),
     [
-        ("off;on", Aspect.GREEN), ("on;on;off", Aspect.RED_YELLOW), ("off;flashing;off", Aspect.CAUTION),
+        ("off;on", Aspect.GREEN), ("on;on;off", Aspect.RED_YELLOW),
+        ("off;flashing;off", Aspect.CAUTION),
         ("Amber", Aspect.YELLOW),
-        ("attention_stop", Aspect.YELLOW), ("off;off;off", Aspect.OFF), ("on;off;on", None), ("7", None),
+        ("attention_stop", Aspect.YELLOW), ("off;off;off", Aspect.OFF), ("on;off;on", None),
+        ("7", None),
     ],
 )  # fmt: skip
 def test_states_have_aspects(state: str, aspect: Aspect | None) -> None:

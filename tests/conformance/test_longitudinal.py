@@ -1,4 +1,6 @@
-"""SpeedAction, SpeedProfileAction and LongitudinalDistanceAction, by the standard's formulas. All begin at 1 s."""
+"""SpeedAction, SpeedProfileAction and LongitudinalDistanceAction, by the
+standard's formulas. All begin at 1 s.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Motion at the vertices of trajectories: speed and acceleration along them; and Interpolation between vertices."""
+"""Motion at the vertices of trajectories: speed and acceleration along them; and
+Interpolation between vertices.
+"""
 
 from __future__ import annotations
 

@@ -25,26 +25,32 @@ WAYS = {
     "lane change": (
         OWN_LANE,
         '<LateralAction><LaneChangeAction><LaneChangeActionDynamics dynamicsShape="cubic" value="3"'
-        ' dynamicsDimension="time"/><LaneChangeTarget><AbsoluteTargetLane value="-1"/></LaneChangeTarget>'
+        ' dynamicsDimension="time"/><LaneChangeTarget><AbsoluteTargetLane '
+        'value="-1"/></LaneChangeTarget>'
         "</LaneChangeAction></LateralAction>",
     ),
     "lane offset": (
         OWN_LANE,
-        '<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics maxLateralAcc="3"'
-        ' dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="3.5"/></LaneOffsetTarget>'
+        '<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics '
+        'maxLateralAcc="3"'
+        ' dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset '
+        'value="3.5"/></LaneOffsetTarget>'
         "</LaneOffsetAction></LateralAction>",
     ),
     "lane position": ('<LanePosition roadId="1" laneId="-2" s="50" offset="3.5"/>', ""),
     "world position": (f'<WorldPosition x="50" y="{LEFT}" z="0" h="0"/>', ""),
     "trajectory": (
         OWN_LANE,
-        '<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>'
+        '<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" '
+        'closed="false"><Shape><Polyline>'
         '<Vertex time="0"><Position><WorldPosition x="60" y="-5.25"/></Position></Vertex>'
         f'<Vertex time="3"><Position><WorldPosition x="90" y="{LEFT}"/></Position></Vertex>'
         f'<Vertex time="4"><Position><WorldPosition x="100" y="{LEFT}"/></Position></Vertex>'
         "</Polyline></Shape></Trajectory></TrajectoryRef>"
-        '<TimeReference><Timing domainAbsoluteRelative="relative" offset="0" scale="1"/></TimeReference>'
-        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>',
+        '<TimeReference><Timing domainAbsoluteRelative="relative" offset="0" '
+        'scale="1"/></TimeReference>'
+        "<TrajectoryFollowingMode "
+        'followingMode="position"/></FollowTrajectoryAction></RoutingAction>',
     ),
 }
 
@@ -84,7 +90,10 @@ def scenario(start: str, way: str) -> str:
         </SpeedAction></LongitudinalAction></PrivateAction></Private>"""
         for name, position in starts.items()
     )
-    teleport = '<TeleportAction><Position><RelativeLanePosition entityRef="Car" dLane="0" ds="-10"/></Position></TeleportAction>'
+    teleport = (
+        '<TeleportAction><Position><RelativeLanePosition entityRef="Car" dLane="0" '
+        'ds="-10"/></Position></TeleportAction>'
+    )
     groups = "".join(
         [
             action("Way", "Car", way, 1.0) if way else "",

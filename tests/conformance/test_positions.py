@@ -1,4 +1,6 @@
-"""Every position kind of the standard, where it is and which way it faces; signs for both traffic rules and directions."""
+"""Every position kind of the standard, where it is and which way it faces; signs
+for both traffic rules and directions.
+"""
 
 from __future__ import annotations
 
@@ -225,7 +227,8 @@ def test_route_position_counts_from_the_first_waypoint_along_the_route() -> None
 
 
 def test_route_coordinates_are_mirrored_on_roads_that_run_against_the_first_one() -> None:
-    # 80 m on the western arm towards the junction, 23 m through it, 17 m on the eastern arm, whose s runs the other way
+    # 80 m on the western arm towards the junction, 23 m through it, 17 m on
+    # the eastern arm, whose s runs the other way
     place = start("RoutePosition", "Road", PathS=120)
     assert (place["x"], place["y"]) == pytest.approx((28.5, -1.75))
     lane = start("RoutePosition", "Lane", PathS=120)
@@ -263,7 +266,8 @@ def test_trajectory_position_counts_t_from_the_tangent() -> None:
 
 
 def test_geo_position_is_projected_by_the_road_network_s_projection() -> None:
-    # +proj=tmerc at 48° N, 11° E: 0.005° of longitude are 0.005 π/180 · N cos φ, N the prime vertical radius (WGS 84)
+    # +proj=tmerc at 48° N, 11° E: 0.005° of longitude are 0.005 π/180 · N cos φ, N the prime
+    # vertical radius (WGS 84)
     latitude = math.radians(48.0)
     prime = 6378137.0 / math.sqrt(1.0 - 0.00669437999014 * math.sin(latitude) ** 2)
     place = start("GeoPosition")

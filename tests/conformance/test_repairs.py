@@ -1,4 +1,6 @@
-"""Faults of documents that a run repairs: each is named by a check, played with a remark, and refused where that is asked for."""
+"""Faults of documents that a run repairs: each is named by a check, played with a remark, and
+refused where that is asked for.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ from tests.conformance.support import track
 HERE = Path(__file__).parent
 BOM = "\ufeff"
 DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
-HEADER = '  <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" description="Conformance: what tests break and runs repair" author="xosc-toolchain"/>\n'  # noqa: E501
+HEADER = (
+    '  <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" description="Conformance: '
+    'what tests break and runs repair" author="xosc-toolchain"/>\n'
+)
 XML, VALID, TYPED = (
     "xml.valid_xml_document",
     "xml.valid_schema",
@@ -46,7 +51,9 @@ NAMES = "reference_control.unique_element_names_on_same_level"
 
 
 class Fault(NamedTuple):
-    """A replacement in the sound scenario, the rule that it breaks, the line that is named, and the speed in the end (m/s)."""
+    """A replacement in the sound scenario, the rule that it breaks, the line
+    that is named, and the speed in the end (m/s).
+    """
 
     old: str
     new: str
@@ -56,38 +63,51 @@ class Fault(NamedTuple):
 
 
 TRAJECTORY = (
-    '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>'
+    '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" '
+    'closed="false"><Shape><Polyline>'
     '<Vertex><Position><WorldPosition x="300" y="-1.75"/></Position></Vertex>'
-    '<Vertex><Position><WorldPosition x="400" y="-1.75"/></Position></Vertex></Polyline></Shape></Trajectory></TrajectoryRef>'
-    '<TimeReference><Timing domainAbsoluteRelative="relative" offset="0" scale="1"/></TimeReference>'
-    '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+    '<Vertex><Position><WorldPosition x="400" '
+    'y="-1.75"/></Position></Vertex></Polyline></Shape></Trajectory></TrajectoryRef>'
+    '<TimeReference><Timing domainAbsoluteRelative="relative" offset="0" '
+    'scale="1"/></TimeReference>'
+    "<TrajectoryFollowingMode "
+    'followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
 )
 
 
 STEADY = '<TargetTimeSteadyState time="1"/>'
 SYNCHRONISED = (
-    '<PrivateAction><SynchronizeAction masterEntityRef="$Name"><TargetPositionMaster><WorldPosition x="900" y="-1.75"/>'
+    "<PrivateAction><SynchronizeAction "
+    'masterEntityRef="$Name"><TargetPositionMaster><WorldPosition x="900" y="-1.75"/>'
     '</TargetPositionMaster><TargetPosition><WorldPosition x="900" y="-1.75"/></TargetPosition>\n'
-    '<FinalSpeed><AbsoluteSpeed value="7">{}</AbsoluteSpeed>{}</FinalSpeed></SynchronizeAction></PrivateAction>'
+    "<FinalSpeed><AbsoluteSpeed "
+    'value="7">{}</AbsoluteSpeed>{}</FinalSpeed></SynchronizeAction></PrivateAction>'
 )
 SECOND_VERTEX = '<Vertex><Position><WorldPosition x="400" y="-1.75"/></Position></Vertex>'
-NAMELESS = '<GlobalAction><EnvironmentAction><Environment><Weather cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
+NAMELESS = (
+    "<GlobalAction><EnvironmentAction><Environment><Weather "
+    'cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
+)
 MODE = '<TrajectoryFollowingMode followingMode="position"/>'
 VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></PrivateAction>'
 SIGNALS = (
     '<TrafficSignals><TrafficSignalController name="s"><Phase name="p" duration="9">'
-    '<TrafficSignalState trafficSignalId="0" state="on"/></Phase></TrafficSignalController></TrafficSignals>'
+    '<TrafficSignalState trafficSignalId="0" '
+    'state="on"/></Phase></TrafficSignalController></TrafficSignals>'
 )
 ACTIVATION = (
-    '<PrivateAction><ControllerAction><ActivateControllerAction objectControllerRef="pilot" lateral="false"/></ControllerAction>'
+    '<PrivateAction><ControllerAction><ActivateControllerAction objectControllerRef="pilot" '
+    'lateral="false"/></ControllerAction>'
     "</PrivateAction>"
 )
 WEATHER = (
-    '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
+    '<GlobalAction><EnvironmentAction><Environment name="e"><Weather '
+    'cloudState="cloudless"/></Environment></EnvironmentAction>'
     "</GlobalAction>"
 )
 GEAR = (
-    '<PrivateAction><ControllerAction><OverrideControllerValueAction><Gear active="true" value="2"/>'
+    "<PrivateAction><ControllerAction><OverrideControllerValueAction><Gear "
+    'active="true" value="2"/>'
     "</OverrideControllerValueAction></ControllerAction></PrivateAction>"
 )
 CONDITION = (
@@ -101,15 +121,18 @@ ENTRY_OF_CAR = """<CatalogReference catalogName="Vehicles" entryName="car">
       </CatalogReference>"""
 AXLE = 'maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.8" positionX="0.0" positionZ="0.3"'
 UNBOXED_CAR = (
-    '<Vehicle name="v" vehicleCategory="car"><Performance maxSpeed="50" maxAcceleration="5" maxDeceleration="9"/>'
+    '<Vehicle name="v" vehicleCategory="car"><Performance maxSpeed="50" maxAcceleration="5" '
+    'maxDeceleration="9"/>'
     f"<Axles><FrontAxle {AXLE}/><RearAxle {AXLE}/></Axles><Properties/></Vehicle>"
 )
 CAR_WITHOUT_TRAILER = UNBOXED_CAR.replace(
     "<Performance",
-    '<BoundingBox><Center x="1.5" y="0" z="0.75"/><Dimensions width="2" length="5" height="1.5"/></BoundingBox><Performance',
+    '<BoundingBox><Center x="1.5" y="0" z="0.75"/><Dimensions width="2" length="5" '
+    'height="1.5"/></BoundingBox><Performance',
 ).replace(
     "</Vehicle>",
-    '<Trailer><Trailer name="t"><CatalogReference catalogName="Vehicles" entryName=""/></Trailer></Trailer></Vehicle>',
+    '<Trailer><Trailer name="t"><CatalogReference catalogName="Vehicles" '
+    'entryName=""/></Trailer></Trailer></Vehicle>',
 )
 UNBOXED_PEDESTRIAN = (
     '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><Properties/></Pedestrian>'
@@ -164,7 +187,8 @@ FAULTS = {
     ),
     "declared twice": Fault(
         '<ParameterDeclaration name="Half"',
-        '<ParameterDeclaration name="Speed" parameterType="double" value="20"/><ParameterDeclaration name="Half"',
+        '<ParameterDeclaration name="Speed" parameterType="double" '
+        'value="20"/><ParameterDeclaration name="Half"',
         "parameters.declarations_are_unique",
         6,
         12.0,
@@ -332,7 +356,8 @@ FAULTS = {
     ),
     "empty kind of action": Fault(
         "              <StartTrigger>\n",
-        '              <Action name="None"><PrivateAction><RoutingAction/></PrivateAction></Action><StartTrigger>\n',
+        "              <Action "
+        'name="None"><PrivateAction><RoutingAction/></PrivateAction></Action><StartTrigger>\n',
         EMPTY,
         78,
     ),
@@ -347,7 +372,8 @@ FAULTS = {
     ),
     "empty group": Fault(
         "        </ManeuverGroup>\n",
-        '</ManeuverGroup><ManeuverGroup name="none" maximumExecutionCount="1"><Actors selectTriggeringEntities="false"/>'
+        '</ManeuverGroup><ManeuverGroup name="none" maximumExecutionCount="1"><Actors '
+        'selectTriggeringEntities="false"/>'
         "</ManeuverGroup>\n",
         EMPTY,
         89,
@@ -355,7 +381,8 @@ FAULTS = {
     "empty act": Fault("      </Act>\n", '      </Act><Act name="none"/>\n', EMPTY, 104),
     "empty story": Fault("    </Story>\n", '    </Story><Story name="none"/>\n', EMPTY, 105),
     "no triggering entities": Fault(
-        '<TriggeringEntities triggeringEntitiesRule="any">\n                  <EntityRef entityRef="$Name"/>',
+        '<TriggeringEntities triggeringEntitiesRule="any">\n                  <EntityRef '
+        'entityRef="$Name"/>',
         '<TriggeringEntities triggeringEntitiesRule="all">',
         EMPTY,
         94,
@@ -384,7 +411,8 @@ FAULTS = {
         10.0,
     ),
     "no element of actors": Fault(
-        '          <Actors selectTriggeringEntities="$Triggering">\n            <EntityRef entityRef="$Name"/>\n'
+        '          <Actors selectTriggeringEntities="$Triggering">\n            <EntityRef '
+        'entityRef="$Name"/>\n'
         "          </Actors>",
         "",
         VALID,
@@ -434,7 +462,8 @@ FAULTS = {
     ),
     "dynamics in an element of their own": Fault(
         '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>',
-        '<SpeedActionDynamics>\n<Dynamics dynamicsShape="step" dynamicsDimension="time" value="0"/></SpeedActionDynamics>',
+        '<SpeedActionDynamics>\n<Dynamics dynamicsShape="step" dynamicsDimension="time" '
+        'value="0"/></SpeedActionDynamics>',
         VALID,
         49,
     ),
@@ -510,9 +539,9 @@ def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(
     if name == "wrong revision":
         remark, others = others[0], []
         assert (
-            f"{broken}:3: the header has the revision 1.0, the content is that of version 1.1: 1.0 has no expr"
-            in remark
-        )
+            f"{broken}:3: the header has the revision 1.0, the content is that of version "
+            "1.1: 1.0 has no expr"
+        ) in remark
     assert all(
         "the content is that of version" in each or "it is read as version 1.3" in each
         for each in others
@@ -539,8 +568,14 @@ def test_a_parameter_may_say_that_there_is_no_value(folder: Path) -> None:
 
 def test_a_reference_to_a_name_that_looks_like_an_expression_is_no_expression(folder: Path) -> None:
     name = "${$Name + slows down}"
-    state = f'<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="{name}" state="completeState"/>'
-    end = f'<Condition name="end" conditionEdge="none" delay="0"><ByValueCondition>{state}</ByValueCondition></Condition>'
+    state = (
+        '<StoryboardElementStateCondition storyboardElementType="event" '
+        f'storyboardElementRef="{name}" state="completeState"/>'
+    )
+    end = (
+        '<Condition name="end" conditionEdge="none" '
+        f'delay="0"><ByValueCondition>{state}</ByValueCondition></Condition>'
+    )
     text = (
         (folder / "sound.xosc")
         .read_text(encoding="utf-8")

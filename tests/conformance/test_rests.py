@@ -58,13 +58,16 @@ def test_a_jerk_of_the_performance_shapes_a_change_of_speed_that_follows(tmp_pat
 def test_a_trajectory_that_comes_late_is_a_rest(most: int, tmp_path: Path) -> None:
     """40 m in 4 s are possible with at most 20 m/s, and take a second more with 8 m/s."""
     vertices = "".join(
-        f'<Vertex time="{time}"><Position><WorldPosition x="{150 + 10 * time}" y="-1.75"/></Position></Vertex>'
+        f'<Vertex time="{time}"><Position><WorldPosition x="{150 + 10 * time}" '
+        'y="-1.75"/></Position></Vertex>'
         for time in (0, 4)
     )
     action = (
         "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
-        f'<Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>'
-        '</TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" offset="0" scale="1"/>'
+        '<Trajectory name="t" '
+        f'closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>'
+        '</TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" '
+        'offset="0" scale="1"/>'
         '</TimeReference><TrajectoryFollowingMode followingMode="follow"/></FollowTrajectoryAction>'
         "</RoutingAction></PrivateAction>"
     )
@@ -84,8 +87,10 @@ def test_a_trajectory_that_comes_late_is_a_rest(most: int, tmp_path: Path) -> No
 
 def test_a_synchronisation_whose_master_jumps_says_what_is_left(tmp_path: Path) -> None:
     synchronise = (
-        '<PrivateAction><SynchronizeAction masterEntityRef="Ego" targetTolerance="0" targetToleranceMaster="0">'
-        '<TargetPositionMaster><LanePosition roadId="1" laneId="-1" s="140"/></TargetPositionMaster>'
+        '<PrivateAction><SynchronizeAction masterEntityRef="Ego" targetTolerance="0" '
+        'targetToleranceMaster="0">'
+        '<TargetPositionMaster><LanePosition roadId="1" laneId="-1" '
+        's="140"/></TargetPositionMaster>'
         '<TargetPosition><LanePosition roadId="1" laneId="-1" s="190"/></TargetPosition>'
         "</SynchronizeAction></PrivateAction>"
     )
@@ -116,7 +121,8 @@ CHANGE = (
 APPROACH = (
     '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" distance="20"'
     ' freespace="false" continuous="{}" displacement="any"><DynamicConstraints maxAcceleration="1"'
-    ' maxDeceleration="1" maxSpeed="40"/></LongitudinalDistanceAction></LongitudinalAction></PrivateAction>'
+    ' maxDeceleration="1" '
+    'maxSpeed="40"/></LongitudinalDistanceAction></LongitudinalAction></PrivateAction>'
 )
 ACQUIRE = (
     "<PrivateAction><RoutingAction><AcquirePositionAction><Position>"

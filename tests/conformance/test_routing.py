@@ -16,7 +16,9 @@ from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 ARMS = {"1": (111.5, -1.75), "2": (1.75, 111.5), "4": (-1.75, -111.5)}
-"""End of the lane that leads out of the crossing, by the arm's road id; the car comes from the west."""
+"""End of the lane that leads out of the crossing, by the arm's road id; the car
+comes from the west.
+"""
 
 
 def drive(element: str, entity: str = "Car", **parameters: Any) -> dict[str, np.ndarray]:
@@ -66,7 +68,8 @@ CYCLIST = (
 OVER = (
     '<Route name="Route" closed="$Closed">',
     '<Route name="Route" closed="$Closed">'
-    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-2" s="30"/></Position></Waypoint>',
+    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-2" '
+    's="30"/></Position></Waypoint>',
 )
 ON_THE_CROSSWALK = (
     '<LanePosition roadId="1" laneId="-2" s="35"/>',
@@ -76,7 +79,9 @@ ON_THE_CROSSWALK = (
 
 @pytest.mark.parametrize("world", ["kinematic", "sumo"])
 def test_a_route_leads_over_a_cross_path(tmp_path: Path, world: str) -> None:
-    """20 m along the right sidewalk, 9 m across the carriageway, and on along the left sidewalk, at 2 m/s."""
+    """20 m along the right sidewalk, 9 m across the carriageway, and on along
+    the left sidewalk, at 2 m/s.
+    """
     path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, *CYCLIST, OVER, ON_THE_CROSSWALK)
     columns = track(runner.run(path, sut=None, timestep=0.1, max_time=20.0, world=world), "Car")
     for time, place in (
@@ -227,7 +232,7 @@ def test_follow_mode_steers_to_the_trajectory_without_a_jump() -> None:
     assert at(columns, 3.5, "h") == pytest.approx(0.0, abs=1e-6)
 
 
-# trajectories with times ----------------------------------------------------------------------------
+# trajectories with times --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -285,7 +290,9 @@ def test_follow_mode_with_times_catches_up_with_the_schedule() -> None:
 
 
 VERTICES = {0.0: 100.0, 2.0: 120.0, 4.0: 150.0, 6.0: 160.0, 7.0: 160.0, 10.0: 165.0}
-"""x (m) of the vertices of TrajectoryFollowingMode, by the simulation time (s) at which they are due"""
+"""x (m) of the vertices of TrajectoryFollowingMode, by the simulation time (s)
+at which they are due
+"""
 
 
 @pytest.mark.parametrize("mode", ["follow", "position"])
@@ -343,7 +350,7 @@ def test_a_timing_without_times_is_refused() -> None:
     assert "must be positive" in refusal("Timing", Scale=0)
 
 
-# shapes ---------------------------------------------------------------------------------------------
+# shapes -------------------------------------------------------------------------------------------
 
 
 def test_a_clothoid_turns_as_its_curvature_integrates() -> None:
@@ -381,7 +388,7 @@ def test_a_nurbs_curve_can_be_an_exact_circle() -> None:
     )
 
 
-# teleport -------------------------------------------------------------------------------------------
+# teleport -----------------------------------------------------------------------------------------
 
 
 def test_a_teleport_keeps_the_speed() -> None:
@@ -412,7 +419,9 @@ def test_an_offset_of_all_of_the_trajectory_may_be_rounded() -> None:
 
 @pytest.mark.parametrize("arm", ["2", "4"])
 def test_an_entity_off_its_route_is_led_to_it(arm: str, tmp_path: Path) -> None:
-    """The car comes from the west; the route lies on the arm to the north or south, where no straight way leads."""
+    """The car comes from the west; the route lies on the arm to the north or
+    south, where no straight way leads.
+    """
     first = (
         '<LanePosition roadId="3" laneId="1" s="80"/>',
         f'<LanePosition roadId="{arm}" laneId="-1" s="30"/>',

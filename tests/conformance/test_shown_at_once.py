@@ -1,4 +1,6 @@
-"""Actions that put an entity somewhere show it there at their time, as at time 0, angles included."""
+"""Actions that put an entity somewhere show it there at their time, as at time
+0, angles included.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ TRAJECTORY = (
     '<Vertex time="0"><Position><WorldPosition x="300" y="-1.75"/></Position></Vertex>'
     '<Vertex time="4"><Position><WorldPosition x="340" y="-1.75"/></Position></Vertex>'
     "</Polyline></Shape></Trajectory></TrajectoryRef>"
-    '<TimeReference><Timing domainAbsoluteRelative="absolute" offset="0" scale="1"/></TimeReference>'
+    '<TimeReference><Timing domainAbsoluteRelative="absolute" offset="0" '
+    'scale="1"/></TimeReference>'
     '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>'
     "</PrivateAction>"
 )

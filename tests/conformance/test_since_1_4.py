@@ -1,4 +1,6 @@
-"""Semantics of traffic signals' phases, and traffic made of catalogue entries and categories of 1.4."""
+"""Semantics of traffic signals' phases, and traffic made of catalogue entries
+and categories of 1.4.
+"""
 
 from __future__ import annotations
 

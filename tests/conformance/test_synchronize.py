@@ -1,4 +1,6 @@
-"""SynchronizeAction: both arrive at the same time, 10 s after its start at 1 s; the master drives 20 m/s."""
+"""SynchronizeAction: both arrive at the same time, 10 s after its start at 1 s;
+the master drives 20 m/s.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Traffic actions: when and where traffic appears and vanishes, and that SUMO's drivers drive it."""
+"""Traffic actions: when and where traffic appears and vanishes, and that SUMO's
+drivers drive it.
+"""
 
 from __future__ import annotations
 
@@ -188,7 +190,9 @@ def test_a_sink_leaves_what_the_scenario_declares() -> None:
 
 
 def around_ego(result: runner.RunResult, name: str, first: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Position of a member of the swarm relative to the Ego, which drives along x; only when it appeared, or always."""
+    """Position of a member of the swarm relative to the Ego, which drives along
+    x; only when it appeared, or always.
+    """
     ego, member = track(result, "Ego"), track(result, name)
     dx = member["x"] - np.interp(member["time"], ego["time"], ego["x"])
     dy = member["y"] - np.interp(member["time"], ego["time"], ego["y"])

@@ -58,8 +58,9 @@ def test_a_towed_trailer_lines_up_on_the_straight_and_cuts_the_corner_in_a_curve
         "ConnectTrailerAction", parameters={"Road": "../roads/curve.xodr"}, world="kinematic"
     )
     car, trailer = track(curve, "Car"), track(curve, "Trailer")
-    # steady state on a circle: axle radius² = hitch radius² − coupler², hitch radius² = car radius² + hitch²
-    # centre of the road's left arc of curvature 0.01 is at (0, 100); the lane is outside the reference line
+    # steady state on a circle: axle radius² = hitch radius² − coupler², hitch radius² = car radius²
+    # + hitch² centre of the road's left arc of curvature 0.01 is at (0, 100);
+    # the lane is outside the reference line
     radius = 100.0 + 1.75
     end = [
         math.hypot(float(columns["x"][-1]), float(columns["y"][-1]) - 100.0)

@@ -1,4 +1,6 @@
-"""Ways off a road between its ends (virtual junctions): routes take them and come back, traffic without a route drives past."""
+"""Ways off a road between its ends (virtual junctions): routes take them and come back, traffic
+without a route drives past.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ LAY_BY = Path(__file__).parent / "roads" / "lay_by.xodr"
 def drive(
     folder: Path, scenario: str, *changes: tuple[str, str], **options: Any
 ) -> dict[str, np.ndarray]:
-    """Track of a car that starts at s=20 of the main road; the lay-by leaves at s=60 and comes back at s=137.88."""
+    """Track of a car that starts at s=20 of the main road; the lay-by leaves at
+    s=60 and comes back at s=137.88.
+    """
     start = (
         '<LanePosition roadId="3" laneId="1" s="50"/>',
         '<LanePosition roadId="1" laneId="-1" s="20"/>',
@@ -42,7 +46,10 @@ def assert_smooth(columns: dict[str, np.ndarray]) -> None:
 
 
 FIRST = '<Route name="Route" closed="$Closed">'
-START = f'{FIRST}<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="25"/></Position></Waypoint>'
+START = (
+    f'{FIRST}<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" '
+    's="25"/></Position></Waypoint>'
+)
 ROUTE = (
     ('value="11"', 'value="20"'),
     (FIRST, START),

@@ -1,4 +1,6 @@
-"""Routes of lanes: waypoints and positions ask for a lane, and the car gets into it, or it is said where it could not."""
+"""Routes of lanes: waypoints and positions ask for a lane, and the car gets into
+it, or it is said where it could not.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def through(number: int, start: int, end: int) -> str:
 
 
 def fork(folder: Path, connections: tuple[tuple[int, int], ...], marks: str = "") -> None:
-    """Road 1 leads from x = 0 to 200 m, road 2 from 240 to 540 m; a junction connects some of their two lanes."""
+    """Road 1 leads from x = 0 to 200 m, road 2 from 240 to 540 m; a junction
+    connects some of their two lanes.
+    """
     roads = "".join(
         f"""<road name="" length="{length}" id="{number}" junction="-1"><link><{end} elementType="junction" elementId="9"/>
         </link><planView><geometry s="0" x="{x}" y="0" hdg="0" length="{length}"><line/></geometry></planView>
@@ -66,7 +70,10 @@ def waypoint(road: int, lane: int, s: float) -> str:
 
 def route(*waypoints: str) -> str:
     inner = "".join(f'<Waypoint routeStrategy="shortest">{each}</Waypoint>' for each in waypoints)
-    return f'<RoutingAction><AssignRouteAction><Route name="r" closed="false">{inner}</Route></AssignRouteAction></RoutingAction>'
+    return (
+        '<RoutingAction><AssignRouteAction><Route name="r" '
+        f'closed="false">{inner}</Route></AssignRouteAction></RoutingAction>'
+    )
 
 
 def acquire(position: str) -> str:
@@ -90,12 +97,20 @@ def drive(folder: Path, lane: int, *actions: str, speed: float = 20.0) -> RunRes
         <FrontAxle maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.7" positionX="2.8" positionZ="0.3"/>
         <RearAxle maxSteering="0" wheelDiameter="0.6" trackWidth="1.7" positionX="0" positionZ="0.3"/></Axles><Properties/>
         </Vehicle></ScenarioObject></Entities><Storyboard><Init><Actions><Private entityRef="Car"><PrivateAction>
-        <TeleportAction>{waypoint(1, lane, 10)}</TeleportAction></PrivateAction><PrivateAction><LongitudinalAction>
+        <TeleportAction>{
+            waypoint(1, lane, 10)
+        }</TeleportAction></PrivateAction><PrivateAction><LongitudinalAction>
         <SpeedAction><SpeedActionDynamics dynamicsShape="step" value="0" dynamicsDimension="time"/><SpeedActionTarget>
-        <AbsoluteTargetSpeed value="{speed}"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>
-        </Private></Actions></Init><Story name="s"><Act name="a">{groups}{always}</Act></Story><StopTrigger><ConditionGroup>
+        <AbsoluteTargetSpeed value="{
+            speed
+        }"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>
+        </Private></Actions></Init><Story name="s"><Act name="a">{groups}{
+            always
+        }</Act></Story><StopTrigger><ConditionGroup>
         <Condition name="c" delay="0" conditionEdge="none"><ByValueCondition>
-        <SimulationTimeCondition value="{500 / speed}" rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup>
+        <SimulationTimeCondition value="{
+            500 / speed
+        }" rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup>
         </StopTrigger></Storyboard></OpenSCENARIO>""",
         encoding="utf-8",
     )

@@ -1,4 +1,6 @@
-"""The page on architecture names what is there, is short, and its picture is the one that belongs to it."""
+"""The page on architecture names what is there, is short, and its picture is the
+one that belongs to it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
+"""What the README, the tutorials and the pages on extending say can be typed is
+typed here, in the order of the page.
 
 The README and the tutorials are played one after the other in one folder that has the libraries
 where a clone has them, as a reader types them. The pages on extending are played together in one
@@ -50,17 +51,32 @@ PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "st
 NOT_RUN = {
     "make compiled": "takes minutes; continuous integration runs it each week",
     "git clone https://example.org/xosc-toolchain": "needs an address that is not there yet",
-    "make -C xosc-toolchain demo": "installs everything anew; what it consists of is in the tutorials",
+    "make -C xosc-toolchain demo": (
+        "installs everything anew; what it consists of is in the tutorials"
+    ),
     "make -C xosc-toolchain test": "is what runs the tests",
     "python -m benchmarks.install_sizes": "needs a package index, and takes minutes",
-    "make docs": "installs everything anew; test_reference and tests/studies/test_coverage compare what it writes",
+    "make docs": (
+        "installs everything anew; test_reference and tests/studies/test_coverage "
+        "compare what it writes"
+    ),
     'pip install ".[all]"': "is what make install does, but for development",
-    "pip install -e acme": "needs a package index; tests/xosc_toolchain/test_plugin.py installs the package",
+    "pip install -e acme": (
+        "needs a package index; tests/xosc_toolchain/test_plugin.py installs the package"
+    ),
     "python -m pytest acme": "tests/xosc_toolchain/test_plugin.py runs the tests of all kinds",
     "make lint types test docs": "installs everything anew; continuous integration runs it",
-    "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
-    'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
-    "xosc-generate CATALOGUE --out DIR": "needs a catalogue of 30 manoeuvres or more; tests/generation/space/test_recorded.py has one",
+    "pip install .": (
+        "continuous integration installs the wheel into an empty environment and "
+        "runs a scenario there"
+    ),
+    'pip install "xosc-toolchain[osi]"': (
+        "needs a package index; the extra is a part of the one for development"
+    ),
+    "xosc-generate CATALOGUE --out DIR": (
+        "needs a catalogue of 30 manoeuvres or more; "
+        "tests/generation/space/test_recorded.py has one"
+    ),
 }
 """Commands that are not run here, and why."""
 
@@ -130,7 +146,9 @@ Do = Callable[[str], tuple[int, str]]
 
 @pytest.fixture
 def do(tmp_path: Path, command: Command) -> Do:
-    """Does command lines: our own commands in this process, which has their libraries, others in a shell."""
+    """Does command lines: our own commands in this process, which has their
+    libraries, others in a shell.
+    """
 
     def do(line: str) -> tuple[int, str]:
         name, *arguments = shlex.split(line)
@@ -318,7 +336,9 @@ def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
     ids=name,
 )
 def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:
-    """Files that were there before are not touched: a page shows all that is new, and it is enough for the page to work."""
+    """Files that were there before are not touched: a page shows all that is
+    new, and it is enough for the page to work.
+    """
     files = [block.file for block in blocks(page) if block.file is not None]
     assert not [file for file in files if (ROOT / file).exists()]
     assert len([file for file in files if file.startswith(PRODUCT)]) == 1

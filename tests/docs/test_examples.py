@@ -1,4 +1,6 @@
-"""The examples in docstrings of the public interface run as they are printed, and every public name has one."""
+"""The examples in docstrings of the public interface run as they are printed,
+and every public name has one.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ EXAMPLES |= {"Recording": Recording, "sample": sample, "straight_highway": strai
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A working folder in which the libraries are, as in the repository, and that examples write into."""
+    """A working folder in which the libraries are, as in the repository, and
+    that examples write into.
+    """
     for name in ("xosc", "xodr"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)

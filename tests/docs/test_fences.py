@@ -1,4 +1,5 @@
-"""Shell and Python of all manuals run, page by page, each in a folder of its own with a small library.
+"""Shell and Python of all manuals run, page by page, each in a folder of its own
+with a small library.
 
 The README, tutorials, roads and pages on extending are played by `test_commands`. A command is run
 as it stands; what a page takes for granted is made before (`BEFORE`). What is not run is listed
@@ -24,7 +25,16 @@ PAGES = [
     if page.name not in GENERATED and page != test_commands.ROADS
 ]
 SHELL = ("sh", "")
-PROGRAMS = (*SCRIPTS, "python", "make", "pip", "export", ".venv/bin/python", ".venv/bin/ruff", ".venv/bin/mypy")  # fmt: skip
+PROGRAMS = (
+    *SCRIPTS,
+    "python",
+    "make",
+    "pip",
+    "export",
+    ".venv/bin/python",
+    ".venv/bin/ruff",
+    ".venv/bin/mypy",
+)
 """First words of commands; blocks without a language have what they print too"""
 FILES = ("simple_cut_in", "simple_cut_in_variation", "highway_lead_brake")
 """Scenarios of the small library"""
@@ -58,11 +68,14 @@ CI = "is what continuous integration and developers run"
 NOT_RUN = {
     "python -m benchmarks.qc_checkers qc-opendrive/tests/data": FOREIGN,
     "python -m benchmarks.qc_checkers qc-openscenarioxml/tests/data": FOREIGN,
-    "export XOSC_BRIDGE_TOKEN=$(openssl rand -hex 16)": "two terminals: tests/runner/systems/outside/test_bridge.py",
-    "xosc-run --sut bridge:port=48100 xosc/library/highway_lead_brake.xosc": "two terminals, likewise",
+    "export XOSC_BRIDGE_TOKEN=$(openssl rand -hex 16)": ("two terminals: "
+                                                        "tests/runner/systems/outside/test_bridge.py"),
+    ("xosc-run --sut bridge:port=48100 "
+    "xosc/library/highway_lead_brake.xosc"): "two terminals, likewise",
     "python docs/examples/bridge_client.py 48100": "two terminals, likewise",
     "xosc-generate xosc/library/squeezed_highway.xosc --out found": MINUTES,
-    "python -m studies.generation pairs xosc/library/cut_in_before_braking_leader_highway.xosc --both": MINUTES,
+    ("python -m studies.generation pairs "
+    "xosc/library/cut_in_before_braking_leader_highway.xosc --both"): MINUTES,
     "python -m studies.generation planted": MINUTES,
     "xosc-generate xosc/library/cut_in_highway.xosc --sut cas --out edge_cases": MINUTES,
     "xosc-generate catalogue --sut aeb --out edge_cases": MINUTES,
@@ -70,20 +83,25 @@ NOT_RUN = {
     "xosc-run edge_cases/cut_in_highway_edge_cases.xosc": "the tutorial on edge cases runs it",
     "xosc-generate alks_4_4_1_cut_in_variation.xosc --out found": FOREIGN,
     "xosc-generate CutIn.xosc --free 152@value=20..40 --free 182@value=20..80 --out found": OWN,
-    "xosc-generate mine.xosc --kind braking --map Ego_speed_kph=ego_speed*3.6 --free Ego_speed_kph=20..120 --out found": OWN,
-    "xosc-generate cut_in_highway.xosc --out found_2 --sut mine:brake=9 --estimate --against found_1": OWN,
-    "xosc-generate xosc/library/braking_leader_highway.xosc --recorded units.parquet --free Lead_Jerk_mps3 --out found": OWN,
+    ("xosc-generate mine.xosc --kind braking --map Ego_speed_kph=ego_speed*3.6 --free "
+    "Ego_speed_kph=20..120 --out found"): OWN,
+    ("xosc-generate cut_in_highway.xosc --out found_2 --sut mine:brake=9 "
+    "--estimate --against found_1"): OWN,
+    ("xosc-generate xosc/library/braking_leader_highway.xosc --recorded units.parquet --free "
+    "Lead_Jerk_mps3 --out found"): OWN,
     "xosc-loop FOLDER --out DIR --sut cas": OWN,
     "xosc-loop FOLDER --out loop_2 --sut mine:brake=9 --against loop_1": OWN,
     "xosc-run xosc/library/simple_cut_in.xosc --gui": "needs a display",
     'pip install "xosc-toolchain[fmi]"': "needs a package index",
-    "xosc-run --sut fmu:ego.fmu xosc/library/highway_lead_brake.xosc": "an FMU of the reader: tests/runner/systems/outside/test_fmu.py",
+    "xosc-run --sut fmu:ego.fmu xosc/library/highway_lead_brake.xosc": ("an FMU of the reader: "
+                                                                       "tests/runner/systems/outside/test_fmu.py"),
     "make install": CI,
     "make lint types test test-slow test-studies": CI,
     ".venv/bin/python -m pytest -n 0 -m 'not slow' tests/xodr/graph": CI,
     ".venv/bin/ruff check --fix . && .venv/bin/ruff format .": CI,
     ".venv/bin/mypy": CI,
-    ".venv/bin/python -m pytest -n 0 tests/test_architecture.py tests/test_rooms.py tests/test_messages.py": CI,
+    (".venv/bin/python -m pytest -n 0 tests/test_architecture.py tests/test_rooms.py "
+    "tests/test_messages.py"): CI,
     "make docs": CI,
 }  # fmt: skip
 """Beginnings of commands that are not run, and why"""
@@ -91,7 +109,12 @@ NOT_RUN = {
 
 def commands(page: Path) -> list[str]:
     """The command lines of a page."""
-    lines = [line for block in blocks(page) if block.language in SHELL for line in block.text.splitlines()]  # fmt: skip
+    lines = [
+        line
+        for block in blocks(page)
+        if block.language in SHELL
+        for line in block.text.splitlines()
+    ]
     return [line for line in lines if line.split(" ")[0] in PROGRAMS]
 
 

@@ -214,7 +214,10 @@ RESULT = """From `studies/results/full/shipped/clustering.csv`.
             "no command plys",
         ),
         (
-            "0.99. Measured 2026-11-26 by `python -m studies.generation plays --draw 3`; rests on x.",
+            (
+                "0.99. Measured 2026-11-26 by `python -m studies.generation plays "
+                "--draw 3`; rests on x."
+            ),
             "plays has no option --draw",
         ),
         (

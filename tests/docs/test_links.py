@@ -1,4 +1,6 @@
-"""Links of the pages lead to files that are there, and every page can be reached from the README."""
+"""Links of the pages lead to files that are there, and every page can be reached
+from the README.
+"""
 
 from __future__ import annotations
 

@@ -92,7 +92,9 @@ def test_every_package_that_names_what_is_public_is_in_the_reference() -> None:
 
 
 def options() -> dict[str, set[str]]:
-    """Names of the options of every command and subcommand; what `xosc-recognize` takes by itself is for `catalogue`."""
+    """Names of the options of every command and subcommand; what
+    `xosc-recognize` takes by itself is for `catalogue`.
+    """
     found: dict[str, set[str]] = {}
     for name, app in generate.apps():
         if name == generate.UMBRELLA:

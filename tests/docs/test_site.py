@@ -1,4 +1,6 @@
-"""The site builds without a network, links to pages and anchors that are there, and loads nothing from elsewhere."""
+"""The site builds without a network, links to pages and anchors that are there,
+and loads nothing from elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ _LOADED = re.compile(
 
 
 def built(folder: Path, caplog: pytest.LogCaptureFixture, **settings: object) -> list[str]:
-    """Build the site into a folder and return the warnings, each of which ends a build that is strict."""
+    """Build the site into a folder and return the warnings, each of which ends a
+    build that is strict.
+    """
     with caplog.at_level(logging.WARNING, "mkdocs"):
         try:
             build(load_config(str(ROOT / "mkdocs.yml"), site_dir=str(folder), **settings))

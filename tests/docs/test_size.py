@@ -1,4 +1,5 @@
-"""Documents are short enough to be read: a limit for all pages written by hand, and one for each page of results.
+"""Documents are short enough to be read: a limit for all pages written by hand,
+and one for each page of results.
 
     python tests/docs/test_size.py
 

@@ -1,4 +1,6 @@
-"""Programs of users are typed: the README's own one is accepted by a strict checker, an unknown setting is not."""
+"""Programs of users are typed: the README's own one is accepted by a strict
+checker, an unknown setting is not.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,10 @@ import pytest
 from runner.judging.settings import RunSettings, SettingChanges
 
 ROOT = Path(__file__).parents[2]
-WRONG = 'import xosc_toolchain as xt\n\nxt.run("simple_cut_in", sutt="adas")\nxt.run("simple_cut_in", seed="1")\n'
+WRONG = (
+    'import xosc_toolchain as xt\n\nxt.run("simple_cut_in", '
+    'sutt="adas")\nxt.run("simple_cut_in", seed="1")\n'
+)
 
 
 def test_settings_by_name_are_those_of_the_class() -> None:

@@ -1,1 +1,3 @@
-"""Fuzzing: changes of files by what their formats allow, the commands and readers that get them, what counts as a defect."""
+"""Fuzzing: changes of files by what their formats allow, the commands and
+readers that get them, what counts as a defect.
+"""

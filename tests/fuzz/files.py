@@ -1,4 +1,6 @@
-"""Changes of CSV, JSON, Parquet, npy, safetensors and zip by what these formats are made of; of other files by their bytes."""
+"""Changes of CSV, JSON, Parquet, npy, safetensors and zip by what these formats are made of; of
+other files by their bytes.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ _MOST_ROWS = 30_000
 
 
 def damage(path: Path, random: Random) -> str:
-    """Change a file by its kind, or one in five times by its bytes alone; in words, what was done."""
+    """Change a file by its kind, or one in five times by its bytes alone; in
+    words, what was done.
+    """
     change = _BYTES if random.random() < 0.2 else _CHANGES.get(path.suffix, _BYTES)
     made = random.choice(change)
     data = path.read_bytes()
@@ -138,7 +142,9 @@ def _cells(data: bytes, random: Random) -> bytes:
 
 
 def _arithmetic(data: bytes, random: Random) -> bytes:
-    """Numbers of a column moved, scaled or turned about: jumps in time and space, other ids, huge ranges."""
+    """Numbers of a column moved, scaled or turned about: jumps in time and
+    space, other ids, huge ranges.
+    """
     rows = _rows(data)
     column, factor, shift = (
         random.randrange(len(rows[0])),
@@ -199,9 +205,11 @@ def _as_text(data: bytes, random: Random) -> bytes:
     text = data.decode("utf-8", "replace")
     at = random.randrange(len(text) + 1)
     return random.choice((
-        lambda: text.replace(",", ";").encode(), lambda: text.encode("utf-16"), lambda: b"\xef\xbb\xbf" + text.encode(),
+        lambda: text.replace(",", ";").encode(), lambda: text.encode("utf-16"),
+        lambda: b"\xef\xbb\xbf" + text.encode(),
         lambda: text.replace("\n", "\r").encode(), lambda: (text[:at] + '"' + text[at:]).encode(),
-        lambda: (text[:at] + "x" * 200_000 + text[at:]).encode(), lambda: (text[:at] + "\0" + text[at:]).encode(),
+        lambda: (text[:at] + "x" * 200_000 + text[at:]).encode(),
+        lambda: (text[:at] + "\0" + text[at:]).encode(),
     ))()  # fmt: skip
 
 
@@ -232,7 +240,9 @@ _WILD: tuple[Any, ...] = (
 
 
 def _json_value(data: bytes, random: Random) -> bytes:
-    """A value of another type, a key without one, or a value deeper than readers go, in a line of JSON or a whole file."""
+    """A value of another type, a key without one, or a value deeper than readers
+    go, in a line of JSON or a whole file.
+    """
     lines = data.splitlines() if _is_lines(data) else [data]
     at = random.randrange(len(lines))
     values = json.loads(lines[at])
@@ -280,7 +290,9 @@ def _holders(value: Any) -> Any:
 
 
 def _parquet(data: bytes, random: Random) -> bytes:
-    """A column of another type, with other values, dropped, renamed or doubled; no rows; more rows than bytes."""
+    """A column of another type, with other values, dropped, renamed or doubled;
+    no rows; more rows than bytes.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -317,9 +329,11 @@ def _parquet(data: bytes, random: Random) -> bytes:
             table = table.set_column(at, name, pa.array(column, table.column(at).type))
         elif what == 5:
             other = random.choice((
-                pa.array(["x"] * count), pa.array([[1.0]] * count), pa.array([{"a": 1}] * count), pa.nulls(count),
+                pa.array(["x"] * count), pa.array([[1.0]] * count), pa.array([{"a": 1}] * count),
+                pa.nulls(count),
                 pa.array([True] * count),
-                pa.array([2**62] * count), pa.array([b"\xff"] * count), pa.array(["x"] * count).dictionary_encode(),
+                pa.array([2**62] * count), pa.array([b"\xff"] * count),
+                pa.array(["x"] * count).dictionary_encode(),
             ))  # fmt: skip
             table = table.set_column(at, name, other)
         elif what == 6:
@@ -351,7 +365,8 @@ def _npy(data: bytes, random: Random) -> bytes:
     header = random.choice((
         "{'descr': '|O', 'fortran_order': False, 'shape': (3,), }",
         "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999,), }",
-        "{'descr': '<f8', 'fortran_order': True, 'shape': (-1, 4), }", "{'descr': '<f4', 'fortran_order': False, 'shape': (), }",
+        "{'descr': '<f8', 'fortran_order': True, 'shape': (-1, 4), }",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (), }",
         "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1,), }",
         "{'descr': '<U99999999', 'fortran_order': 1, 'shape': (1,)}",
         "__import__('os').getcwd()", "{'shape': (" + "1," * 5000 + ")}", "{" * 5000,
@@ -365,7 +380,9 @@ def _npy(data: bytes, random: Random) -> bytes:
 
 
 def _tensors(data: bytes, random: Random) -> bytes:
-    """Another header: names, types, shapes and places of tensors, metadata; or other numbers in the tensors."""
+    """Another header: names, types, shapes and places of tensors, metadata; or
+    other numbers in the tensors.
+    """
     (size,) = struct.unpack("<Q", data[:8])
     header, body = json.loads(data[8 : 8 + size]), data[8 + size :]
     if random.random() < 0.3:

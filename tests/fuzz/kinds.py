@@ -1,4 +1,6 @@
-"""Kinds of fuzzed input: what is changed, which command or reader gets it, and the exit codes that it may lead to."""
+"""Kinds of fuzzed input: what is changed, which command or reader gets it, and
+the exit codes that it may lead to.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ _XML = (".xosc", ".xodr", ".xml", ".osm")
 
 
 class Input(NamedTuple):
-    """Arguments of a call, with `CASE` and `OUT` for the folders; the file that it is made from; changes of it in words."""
+    """Arguments of a call, with `CASE` and `OUT` for the folders; the file that
+    it is made from; changes of it in words.
+    """
 
     arguments: tuple[str, ...]
     source: str
@@ -66,11 +70,15 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
         return partial(_scenario, sources, arguments, more)
 
     found = {
-        "check": Kind(scenario(("xosc-check", CASE), *(("--format", each) for each in formats)), command, frozenset({0, 1}), 26),
-        "list": Kind(scenario(("xosc-list", CASE), *(("--format", each) for each in lists)), command, frozenset(of_file), 10),
-        "dry": Kind(scenario(("xosc-run", "--dry-run", "--sample", "2")), command, frozenset({0, 3, 4, 6}), 10, ""),
+        "check": Kind(scenario(("xosc-check", CASE), *(("--format", each) for each in formats)),
+            command, frozenset({0, 1}), 26),
+        "list": Kind(scenario(("xosc-list", CASE), *(("--format", each) for each in lists)),
+            command, frozenset(of_file), 10),
+        "dry": Kind(scenario(("xosc-run", "--dry-run", "--sample", "2")), command,
+            frozenset({0, 3, 4, 6}), 10, ""),
         "run": Kind(scenario(("xosc-run", *run, "--out", OUT)), command, of_run, 5, ""),
-        "sumo": Kind(scenario(("xosc-run", "--max-time", "1", "--sample", "2", "--out", OUT)), command, of_run, 1.0, ""),
+        "sumo": Kind(scenario(("xosc-run", "--max-time", "1", "--sample", "2", "--out", OUT)),
+            command, of_run, 1.0, ""),
         "replay": Kind(_replay, command, frozenset({0, 3}), 0.6),
         "model": Kind(_model, _load_model, frozenset({0, 3}), 1.5),
         "windows": Kind(_windows, _load_windows, frozenset({0, 3}), 4),
@@ -329,7 +337,9 @@ def _captured(call: Callable[[], object]) -> Answer:
 
 
 def _reader(read: Callable[..., object]) -> Callable[[Sequence[str]], Answer]:
-    """A reader as a command would call it: errors for users are a line and an exit code, others tracebacks."""
+    """A reader as a command would call it: errors for users are a line and an
+    exit code, others tracebacks.
+    """
 
     def call(arguments: Sequence[str]) -> Answer:
         def reading() -> None:
@@ -389,7 +399,8 @@ def _load_model(folder: Path) -> None:
 
 
 def warm_up(folder: Path) -> None:
-    """Let commands read valid and invalid files of each version, so that schemas, rules and options are at hand for inputs.
+    """Let commands read valid and invalid files of each version, so that
+    schemas, rules and options are at hand for inputs.
 
     All of them only read XML: none starts a thread or a simulator, which a forked child would lack.
     """

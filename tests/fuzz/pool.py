@@ -1,4 +1,5 @@
-"""Runs fuzzed inputs in a process with limits, which may die, hang, or write where it should not, and says what came of them.
+"""Runs fuzzed inputs in a process with limits, which may die, hang, or write where it should not,
+and says what came of them.
 
 Each input has a folder that is laid out as
 
@@ -55,7 +56,9 @@ _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _COMMAND = re.compile(r"^\s*::|##\[|##vso\[", re.MULTILINE)
 """What CI services take for their own commands"""
 _VERDICTS = (0, 1, 6)
-"""Exit codes of runs with a verdict, which a table tells by the run's name; the others are of errors, which name a file"""
+"""Exit codes of runs with a verdict, which a table tells by the run's name; the others are of
+errors, which name a file
+"""
 _RULE = re.compile(r"\[asam\.net:[\w.:-]+\]")
 
 
@@ -139,7 +142,8 @@ def _serve(
     limits: Limits,
     keep: Path | None,
 ) -> None:
-    """Import and read all that inputs share, then run them in forked children, `_GROUP` by `_GROUP`.
+    """Import and read all that inputs share, then run them in forked children,
+    `_GROUP` by `_GROUP`.
 
     The server itself runs no input and starts no simulator. An input with a defect is run again in
     a child of its own: its answer there counts, and a defect that it has only after other inputs is
@@ -238,7 +242,9 @@ class Server:
             os._exit(0)  # whatever happens, a child does not go on as the server
 
     def _ended(self, number: int, status: int) -> Result:
-        """The result of an input whose child has ended without one, by a signal that its status tells."""
+        """The result of an input whose child has ended without one, by a signal
+        that its status tells.
+        """
         signalled = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
         hung = signalled in (signal.SIGXCPU, signal.SIGKILL)
         self._runner.clear()
@@ -256,7 +262,9 @@ class Server:
 
 
 def _answer(answers: BinaryIO) -> Result | None:
-    """The next result that a child sends; None where it has ended, or sends nothing for `_WAITED`."""
+    """The next result that a child sends; None where it has ended, or sends
+    nothing for `_WAITED`.
+    """
     if not select.select([answers], [], [], _WAITED)[0]:
         return None
     size = int.from_bytes(answers.read(8), "big")
@@ -275,7 +283,9 @@ def _stop(child: int) -> int:
 
 
 def _import_all() -> None:
-    """Import all product modules, and let typer build each command once: neither time nor memory of that is an input's."""
+    """Import all product modules, and let typer build each command once: neither
+    time nor memory of that is an input's.
+    """
     typer.main.get_command = cache(typer.main.get_command)
     for package in ("schemas", "xosc", "xodr", "runner", "recognition"):
         for module in pkgutil.walk_packages(
@@ -292,7 +302,9 @@ def _keep(keep: Path, folder: Path, name: str) -> None:
 
 
 def silence() -> None:
-    """Send what libraries and other programs print nowhere; commands print to streams of their own here."""
+    """Send what libraries and other programs print nowhere; commands print to
+    streams of their own here.
+    """
     with open(os.devnull, "w") as nothing:
         for stream in (1, 2):
             os.dup2(nothing.fileno(), stream)
@@ -439,13 +451,18 @@ class Runner:
         }  # modules are compiled when they are first imported
         left = _files(self._scratch / "tmp")
         if outside or left:
-            yield f"files written outside of the output folder: {', '.join(sorted({*outside, *map(str, left)}))}"
+            yield (
+                "files written outside of the output folder: "
+                f"{', '.join(sorted({*outside, *map(str, left)}))}"
+            )
         for each in left:
             each.unlink(missing_ok=True)
 
 
 def _green(arguments: Sequence[str], answer: Answer, rules: str) -> str:
-    """The first of these rules that a file breaks, of which nothing was said though it was run or exported; "" without one."""
+    """The first of these rules that a file breaks, of which nothing was said though it was run or
+    exported; "" without one.
+    """
     from schemas import check
 
     file = next((each for each in arguments if each.endswith(".xosc")), None)

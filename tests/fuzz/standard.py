@@ -1,4 +1,6 @@
-"""Changes of scenarios and roads by their XSD: what it declares in other numbers and places, with other values and namespaces."""
+"""Changes of scenarios and roads by their XSD: what it declares in other numbers and places, with
+other values and namespaces.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,9 @@ FORGED = (
         "x" * 300,
     ),
 )
-"""Names that mean something to a CI service, a spreadsheet, a browser, a shell, a file system or a terminal"""
+"""Names that mean something to a CI service, a spreadsheet, a browser, a shell,
+a file system or a terminal
+"""
 _FOREIGN = (
     "http://example.org/other",
     "relative/uri",
@@ -89,7 +93,9 @@ _MANY = (50, 500, 3000)
 
 
 class Declared(NamedTuple):
-    """What schemas declare of elements of one name: types of attributes by name, and names of children."""
+    """What schemas declare of elements of one name: types of attributes by name,
+    and names of children.
+    """
 
     attributes: dict[str, str]
     children: tuple[str, ...]
@@ -104,7 +110,9 @@ class Standard(NamedTuple):
 
 @cache
 def standard(root: str) -> Standard:
-    """Declarations of the newest XSD at hand of documents with that root element; empty for another root."""
+    """Declarations of the newest XSD at hand of documents with that root
+    element; empty for another root.
+    """
     schemas = [schema for schema in available_schemas() if schema.standard == root]
     if not schemas:
         return Standard({}, {})
@@ -296,7 +304,9 @@ def unknown_elements(root: etree._Element, random: Random) -> str:
 
 
 def declared_child(root: etree._Element, random: Random) -> str:
-    """A child that the XSD declares there, with attributes and children of its own that it declares."""
+    """A child that the XSD declares there, with attributes and children of its
+    own that it declares.
+    """
     element = random.choice(_elements(root))
     children = _declared(root, element).children
     if not children:

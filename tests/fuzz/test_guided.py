@@ -1,4 +1,6 @@
-"""Targets of the fuzzing guided by coverage: their first inputs, and bytes of no meaning, are no defects."""
+"""Targets of the fuzzing guided by coverage: their first inputs, and bytes of no
+meaning, are no defects.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A stand-in for the evaluator where a test needs thousands of episodes: the kinematics of a cut-in, all rows at once.
+"""A stand-in for the evaluator where a test needs thousands of episodes: the kinematics of a
+cut-in, all rows at once.
 
 The ego drives at 30 m/s and brakes at 8 m/s² while its RSS distances to the other vehicle within 10
 m are violated.
@@ -78,7 +79,9 @@ class Kinematic:
 
 
 def driven(n: int, seed: int = 0) -> FloatArray:
-    """Parameters (n, 7) as traffic has them: the three speeds depend on one another, gaps on the speed."""
+    """Parameters (n, 7) as traffic has them: the three speeds depend on one
+    another, gaps on the speed.
+    """
     generator = np.random.default_rng(seed)
     start = generator.normal(29.0, 3.5, n)
     end = start + generator.normal(0.3, 1.0, n)

@@ -92,7 +92,8 @@ def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
     assert set(drawn[:, 0].tolist()) == {8.0, 9.5}
     with pytest.raises(
         UsageError,
-        match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is searched or pinned itself",
+        match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is "
+        "searched or pinned itself",
     ):
         Space.of(asked.scenario, {"CutIn_Speed_mps": "20"}, ranges=asked.marginals, default=False)
 

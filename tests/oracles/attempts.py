@@ -187,7 +187,10 @@ def catalogue(entry: str, kept: bool = True) -> Callable[[Path], Path]:
     """The scene whose Ego is an entry of a catalogue."""
 
     def build(folder: Path) -> Path:
-        header = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" description="t"/>'
+        header = (
+            '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" '
+            'description="t"/>'
+        )
         vehicle = car("Ego").split("ScenarioObject")[1].split(">", 1)[1].rsplit("<", 1)[0]
         if kept:
             (folder / "cars").mkdir()
@@ -196,7 +199,10 @@ def catalogue(entry: str, kept: bool = True) -> Callable[[Path], Path]:
             )
         reference = f'<CatalogReference catalogName="cars" entryName="{entry}"/>'
         ego = f'<ScenarioObject name="Ego">{reference}</ScenarioObject>'
-        location = '<CatalogLocations><VehicleCatalog><Directory path="cars"/></VehicleCatalog></CatalogLocations>'
+        location = (
+            "<CatalogLocations><VehicleCatalog><Directory "
+            'path="cars"/></VehicleCatalog></CatalogLocations>'
+        )
         return scene(("<CatalogLocations/>", location), entities=[ego, car("Lead")])(folder)
 
     return build
@@ -207,10 +213,16 @@ PEDESTRIAN = (
     '<BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.5" length="0.6" height="1.8"/>'
     "</BoundingBox></Pedestrian></ScenarioObject>"
 )
-HEAD = "class System:\n    def reset(self, ego, timestep, seed): pass\n    def control(self, observation, dt):\n"
+HEAD = (
+    "class System:\n    def reset(self, ego, timestep, seed): pass\n    def control(self, "
+    "observation, dt):\n"
+)
 OWN = "attempted_system:System"
 SPEED = '<SpeedCondition value="{}" rule="greaterThan"/>'
 BARE = ("<Actions>", "<Actions><!--"), ("</Actions>", "--></Actions>")
-STATE = '<StoryboardElementStateCondition storyboardElementType="{}" storyboardElementRef="{}" state="{}"/>'
+STATE = (
+    '<StoryboardElementStateCondition storyboardElementType="{}" storyboardElementRef="{}" '
+    'state="{}"/>'
+)
 END = at_time(10.0, "end")
 RENAMED = ('"Ego"', '"Host"')

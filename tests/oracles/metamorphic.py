@@ -1,4 +1,5 @@
-"""Changes of scenarios and roads that leave the behaviour as it is: files to be played beside the originals.
+"""Changes of scenarios and roads that leave the behaviour as it is: files to be
+played beside the originals.
 
 Each rewrites a scenario of the library and its road into a folder. `moved` and `mirrored` return
 the map of the plane by which trajectories change; the others change none.

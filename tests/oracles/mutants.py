@@ -172,7 +172,10 @@ def _delete_at_start(draft: Draft, entity: str) -> bool:
     actions = draft.root.find("Storyboard/Init/Actions")
     if actions is None or not _private(draft, entity):
         return False
-    text = f'<GlobalAction><EntityAction entityRef="{entity}"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    text = (
+        "<GlobalAction><EntityAction "
+        f'entityRef="{entity}"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    )
     actions.append(etree.fromstring(text))
     return True
 
@@ -256,7 +259,8 @@ def nothing_starts(draft: Draft, random: Random) -> bool:
     """Give every event and act a start trigger that is never true."""
     never = etree.fromstring(
         '<ConditionGroup><Condition name="never" delay="0" conditionEdge="none"><ByValueCondition>'
-        '<SimulationTimeCondition value="1000000" rule="greaterThan"/></ByValueCondition></Condition>'
+        '<SimulationTimeCondition value="1000000" '
+        'rule="greaterThan"/></ByValueCondition></Condition>'
         "</ConditionGroup>"
     )
     found = list(draft.root.findall(".//Act/StartTrigger"))
@@ -294,8 +298,10 @@ def ends_at_once(draft: Draft, random: Random) -> bool:
         trigger.remove(child)
     trigger.append(
         etree.fromstring(
-            '<ConditionGroup><Condition name="end" delay="0" conditionEdge="none"><ByValueCondition>'
-            '<SimulationTimeCondition value="0" rule="greaterOrEqual"/></ByValueCondition></Condition>'
+            '<ConditionGroup><Condition name="end" delay="0" '
+            'conditionEdge="none"><ByValueCondition>'
+            '<SimulationTimeCondition value="0" '
+            'rule="greaterOrEqual"/></ByValueCondition></Condition>'
             "</ConditionGroup>"
         )
     )

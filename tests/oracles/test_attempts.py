@@ -297,7 +297,8 @@ ATTEMPTS = [
         "only a user's command",
         waits(
             time(0.5),
-            '<UserDefinedAction><CustomCommandAction type="x">no</CustomCommandAction></UserDefinedAction>',
+            "<UserDefinedAction><CustomCommandAction "
+            'type="x">no</CustomCommandAction></UserDefinedAction>',
         ),
     ),
     Attempt("no Storyboard", scene(("<Storyboard>", "<!--"), ("</Storyboard>", "-->"))),

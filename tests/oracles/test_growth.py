@@ -22,7 +22,9 @@ from tests.runner.files import at_time, car, place, scenario, speed_action, stor
 
 COUNTS = (150, 300, 600)
 MOST = 2.1
-"""Lines of the last 300 for those of 150 before: 2 where growth is linear, 4 where it is quadratic"""
+"""Lines of the last 300 for those of 150 before: 2 where growth is linear, 4
+where it is quadratic
+"""
 TraceFunction = Callable[[FrameType, str, object], Any]
 _EVENT = story("Lead", [(1, speed_action(5))])
 

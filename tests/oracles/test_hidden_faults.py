@@ -1,4 +1,5 @@
-"""More attempts to get exit code 0 where nothing was tested: systems, encodings, conditions, limits, batches.
+"""More attempts to get exit code 0 where nothing was tested: systems, encodings,
+conditions, limits, batches.
 
 Each has its exit code, and a sentence that names the reason where it is no plain verdict.
 """
@@ -138,8 +139,10 @@ def stochastic(runs: object, inner: str) -> Callable[[Path], Path]:
         path = folder / "variation.xosc"
         path.write_text(
             f"<OpenSCENARIO>{HEADER}<ParameterValueDistribution>"
-            f'<ScenarioFile filepath="scenario.xosc"/><Stochastic numberOfTestRuns="{runs}" randomSeed="1">'
-            f'<StochasticDistribution parameterName="Gap">{inner}</StochasticDistribution></Stochastic>'
+            f'<ScenarioFile filepath="scenario.xosc"/><Stochastic numberOfTestRuns="{runs}" '
+            'randomSeed="1">'
+            "<StochasticDistribution "
+            f'parameterName="Gap">{inner}</StochasticDistribution></Stochastic>'
             "</ParameterValueDistribution></OpenSCENARIO>",
             encoding="utf-8",
         )
@@ -371,7 +374,10 @@ ATTEMPTS = [
         scene(
             (
                 "<ParameterDeclarations>",
-                '<ParameterDeclarations><ParameterDeclaration name="Gap" parameterType="double" value="300"/>',
+                (
+                    '<ParameterDeclarations><ParameterDeclaration name="Gap" '
+                    'parameterType="double" value="300"/>'
+                ),
             )
         ),
         codes=NOT_PASSED,
@@ -708,7 +714,7 @@ def test_an_ego_that_its_system_freezes_is_no_pass(
     assert command("xosc-run", path, "--sut", OWN, *options).code == INCONCLUSIVE
 
 
-# attempts of several steps -------------------------------------------------------------------------
+# attempts of several steps ------------------------------------------------------------------------
 
 
 class Batch:
@@ -757,14 +763,17 @@ def cut_short(batch: Batch) -> None:
 RESUMED = [
     ("a file that collides now", lambda b: None, collide, FAILED),
     ("a file that was added", lambda b: None, lambda b: collide(b, "more"), FAILED),
-    ("a file that is gone", lambda b: collide(b, "more"), lambda b: (b.files / "more.xosc").unlink(), USAGE),
+    ("a file that is gone", lambda b: collide(b, "more"),
+        lambda b: (b.files / "more.xosc").unlink(), USAGE),
     ("no file is left", lambda b: None, lambda b: (b.files / "sound.xosc").unlink(), USAGE),
     ("an empty journal", lambda b: collide(b, "bad"), in_out("runs.jsonl", ""), FAILED),
     ("half a line in the journal", lambda b: collide(b, "bad"), cut_short, FAILED),
-    ("a journal of words", lambda b: collide(b, "bad"), in_out("runs.jsonl", "all passed\n"), FAILED),
+    ("a journal of words", lambda b: collide(b, "bad"), in_out("runs.jsonl", "all passed\n"),
+        FAILED),
     ("a forged pass", lambda b: collide(b, "bad"), forged, FAILED),
     ("settings that are no JSON", lambda b: collide(b, "bad"), in_out("batch.json", "{"), USAGE),
-    ("a road that ends the way", lambda b: None, lambda b: (b.files / "straight.xodr").write_text("<OpenDRIVE/>"), INVALID),
+    ("a road that ends the way", lambda b: None,
+        lambda b: (b.files / "straight.xodr").write_text("<OpenDRIVE/>"), INVALID),
 ]  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""Scenarios of the library under changes that must not matter: the same verdict, and motion within bounds.
+"""Scenarios of the library under changes that must not matter: the same verdict,
+and motion within bounds.
 
 A new pick each week (XOSC_METAMORPHIC_SEED for another) in the quick tests, all in the slow ones.
 """
@@ -37,7 +38,9 @@ def verdict(result: RunResult) -> str:
 
 
 def distance(a: RunResult, b: RunResult, mapped: PlaneMap = same) -> float:
-    """Greatest distance (m) of the participants of two runs at common times, in declared order of places at time 0."""
+    """Greatest distance (m) of the participants of two runs at common times, in
+    declared order of places at time 0.
+    """
     worst = 0.0
     begin = {
         tuple(np.round(mapped(t.columns["x"][0], t.columns["y"][0]), 2) + 0.0): t
@@ -70,7 +73,9 @@ def check_change(name: str, change: str, folder: Path, sut: str = "none") -> Non
 
 
 def check_timestep(name: str, sut: str = "none") -> None:
-    """Half the step: the same verdict; motion may differ by what is driven in three steps, as triggers fire by steps."""
+    """Half the step: the same verdict; motion may differ by what is driven in
+    three steps, as triggers fire by steps.
+    """
     before = played(LIBRARY / f"{name}.xosc", sut=sut)
     after = played(LIBRARY / f"{name}.xosc", sut=sut, timestep=0.05)
     assert verdict(after) == verdict(before), (after.verdict, before.verdict)

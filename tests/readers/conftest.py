@@ -1,4 +1,5 @@
-"""What packages of others make of our exports, in an environment of their own: `make readers` makes it and runs these tests.
+"""What packages of others make of our exports, in an environment of their own:
+`make readers` makes it and runs these tests.
 
 They pin packages that this project can't have beside it. Each test names a program, which gets
 files and answers in JSON.
@@ -22,11 +23,14 @@ Read = Callable[..., Any]
 
 @pytest.fixture(scope="session")
 def read() -> Read:
-    """Runs a program (source text) with arguments in the readers' environment; what the last line says that it prints."""
+    """Runs a program (source text) with arguments in the readers' environment;
+    what the last line says that it prints.
+    """
     python = os.environ.get(PYTHON)
     if not python:
         pytest.skip(
-            f"{PYTHON} names no Python that has the packages of tests/readers/requirements.txt (see make readers)"
+            f"{PYTHON} names no Python that has the packages of tests/readers/requirements.txt "
+            "(see make readers)"
         )
 
     def run(program: str, *arguments: str | Path) -> Any:

@@ -1,4 +1,6 @@
-"""Exported scenarios as ASAM's own quality checker reads them (asam-qc-openscenarioxml): its schemas, its rules."""
+"""Exported scenarios as ASAM's own quality checker reads them
+(asam-qc-openscenarioxml): its schemas, its rules.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from xosc.exports.draft import Folder
 LIBRARY = sorted((Path(xosc.__file__).parent / "library").glob("*.xosc"))
 
 OPERATORS = "asam.net:xosc:1.2.0:data_type.allowed_operators"
-"""A rule that version 1.0.0 of the checker applies to files of 1.3 as well, which have more functions: min, max, sign, abs"""
+"""A rule that version 1.0.0 of the checker applies to files of 1.3 as well, which have more
+functions: min, max, sign, abs
+"""
 
 READ = """
 import json, logging, sys

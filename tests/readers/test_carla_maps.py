@@ -1,4 +1,6 @@
-"""Our maps as CARLA's own OpenDRIVE parser reads them (the wheel `carla`, without a server): lanes are where ours are."""
+"""Our maps as CARLA's own OpenDRIVE parser reads them (the wheel `carla`,
+without a server): lanes are where ours are.
+"""
 
 from __future__ import annotations
 

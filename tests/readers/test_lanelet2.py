@@ -1,4 +1,6 @@
-"""Our Lanelet2 maps as the package `lanelet2` reads them: no complaint, lanes where they are and linked as they are."""
+"""Our Lanelet2 maps as the package `lanelet2` reads them: no complaint, lanes
+where they are and linked as they are.
+"""
 
 from __future__ import annotations
 

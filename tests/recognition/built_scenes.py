@@ -15,7 +15,9 @@ STEP = 0.1
 
 
 class Driver(NamedTuple):
-    """A vehicle with constant velocity; x, y of its box's centre at time 0, m. It is there from `start` to `end`, s."""
+    """A vehicle with constant velocity; x, y of its box's centre at time 0, m.
+    It is there from `start` to `end`, s.
+    """
 
     name: str
     x: float = 0.0

@@ -11,7 +11,9 @@ from schemas.common.array_types import IntArray
 def clouds(
     labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16
 ) -> tuple[Features, IntArray]:
-    """`each` samples of every label, in `width` dimensions, around a centre that the label alone decides, shuffled."""
+    """`each` samples of every label, in `width` dimensions, around a centre that
+    the label alone decides, shuffled.
+    """
     generator = np.random.default_rng(seed)
     truth = generator.permutation(np.repeat(labels, each))
     centres = {

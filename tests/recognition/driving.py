@@ -1,4 +1,6 @@
-"""Small synthetic recordings for the tests of labels: vehicles on straight lines, or driven along the lanes of a map."""
+"""Small synthetic recordings for the tests of labels: vehicles on straight
+lines, or driven along the lanes of a map.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def track(
     width: float = 1.8,
     missing: Sequence[int] = (),
 ) -> Track:
-    """A track of reference points (n,), one every `STEP`; it heads where it moves unless a heading is given."""
+    """A track of reference points (n,), one every `STEP`; it heads where it
+    moves unless a heading is given.
+    """
     x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
     who = participant(name, category, length, width)
     time = start + STEP * np.arange(len(x))
@@ -46,8 +50,10 @@ def track(
     speed = vx * np.cos(h) + vy * np.sin(h)
     zero = np.zeros(len(x))
     columns = {
-        "time": time, "x": x, "y": y, "z": zero, "h": h, "pitch": zero, "roll": zero, "speed": speed,
-        "acceleration": np.gradient(speed, STEP), "road_id": np.full(len(x), None, object), "lane_id": np.zeros(len(x), np.int64),
+        "time": time, "x": x, "y": y, "z": zero, "h": h, "pitch": zero, "roll": zero,
+        "speed": speed,
+        "acceleration": np.gradient(speed, STEP), "road_id": np.full(len(x), None, object),
+        "lane_id": np.zeros(len(x), np.int64),
         "s": zero, "t": zero, "lane_offset": zero,
     }  # fmt: skip
     kept = np.setdiff1d(np.arange(len(x)), missing)
@@ -66,7 +72,9 @@ def ahead(x: float, speed: float, seconds: float) -> FloatArray:
 
 
 def sideways(y: float, end: float, at: float, seconds: float, duration: float = 4.0) -> FloatArray:
-    """y of a vehicle that moves smoothly from one y to another, half of it done at the time `at`."""
+    """y of a vehicle that moves smoothly from one y to another, half of it done
+    at the time `at`.
+    """
     share = np.clip((STEP * np.arange(round(seconds / STEP) + 1) - at) / duration + 0.5, 0.0, 1.0)
     return y + (end - y) * share**2 * (3.0 - 2.0 * share)
 
@@ -78,7 +86,8 @@ def route(
     seconds: float,
     roads: Sequence[str] = (),
 ) -> tuple[FloatArray, FloatArray]:
-    """x and y of a vehicle that keeps to the middle of its lane, through the roads named where ways part.
+    """x and y of a vehicle that keeps to the middle of its lane, through the
+    roads named where ways part.
 
     Args:
         start: road, lane and s.

@@ -1,4 +1,6 @@
-"""A highD recording in which most happens that catalogues have to show, for the tests of `recognition.catalogue`."""
+"""A highD recording in which most happens that catalogues have to show, for the
+tests of `recognition.catalogue`.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from tests.recognition.traffic import Car, highd_rows, write_highd
 
 RATE, FRAMES = 25.0, 300
 EGO, CUTTER, OTHER_EGO, OTHER_CUTTER, LATE, STOPPING, FAR = "1", "2", "3", "4", "5", "6", "7"
-"""An ego and who cuts in before it to the right; the same to the left on the other carriageway; a truck that is there from 4 s to
-8 s; one that brakes and stands; one that hardly moves."""
+"""An ego and who cuts in before it to the right; the same to the left on the other carriageway; a
+truck that is there from 4 s to 8 s; one that brakes and stands; one that hardly moves."""
 
 
 class Drive(NamedTuple):
-    """A vehicle: lane centre and x of its box's centre at its first frame (image frame), velocity at a time (s) since then."""
+    """A vehicle: lane centre and x of its box's centre at its first frame (image frame), velocity
+    at a time (s) since then.
+    """
 
     id: int
     x: float

@@ -1,4 +1,6 @@
-"""One motorway with ramps, cut into roads in three ways, and simulated traffic whose routes are known."""
+"""One motorway with ramps, cut into roads in three ways, and simulated traffic
+whose routes are known.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ RATE = 10
 
 
 class Extra(NamedTuple):
-    """A lane beside the through lanes, from x to x at full width (m), and whether a ramp leads into it or out of it."""
+    """A lane beside the through lanes, from x to x at full width (m), and
+    whether a ramp leads into it or out of it.
+    """
 
     start: float
     end: float
@@ -106,7 +110,9 @@ class _Builder:
         return [x for x, gore in ((one.start, one.entering), (one.end, one.leaving)) if gore]
 
     def _mouth(self, x: float, before: str, after: str, side: str) -> RoadLink:
-        """What a piece of the carriageway is linked to at x: its neighbour, or a junction with a ramp."""
+        """What a piece of the carriageway is linked to at x: its neighbour, or a
+        junction with a ramp.
+        """
         near = [one for one in self._plan.extras if x in self._gores(one)]
         if near and not self._apart:
             key = f"{1000 + round(x)}"
@@ -183,7 +189,8 @@ class _Builder:
                 before, after = links[f"x{number}_{k}"]
                 self._add(
                     f"x{number}_{k}", x, y, edge, widths,
-                    before and RoadLink("road", before, "end"), after and RoadLink("road", after, "start"),
+                    before and RoadLink("road", before, "end"),
+                    after and RoadLink("road", after, "start"),
                 )  # fmt: skip
         for x, gore, on in ((one.start, one.entering, True), (one.end, one.leaving, False)):
             if not gore:
@@ -216,14 +223,16 @@ class _Builder:
 
     def _add(
         self, name: str, start: float, end: float, y: float,
-        sections: list[tuple[float, dict[int, tuple[Cubic, ...]]]], before: RoadLink | None, after: RoadLink | None,
+        sections: list[tuple[float, dict[int, tuple[Cubic, ...]]]], before: RoadLink | None,
+        after: RoadLink | None,
     ) -> None:  # fmt: skip
         moved = [(x - start, widths) for x, widths in sections]
         begin = PlanPose(start, y, 0.0)
         self._road(name, begin, end - start, moved, before, after, self._plan.limit)
 
     def _road(
-        self, name: str, begin: PlanPose, length: float, sections: list[tuple[float, dict[int, tuple[Cubic, ...]]]],
+        self, name: str, begin: PlanPose, length: float,
+        sections: list[tuple[float, dict[int, tuple[Cubic, ...]]]],
         before: RoadLink | None, after: RoadLink | None, limit: float,
     ) -> None:  # fmt: skip
         against = self._plan.against
@@ -257,7 +266,8 @@ class _Builder:
             before, after = (self._other_end(link) for link in (after, before))
         kind = "motorway"
         self._roads.append(
-            RoadDesign(name, name, begin, (line(length),), tuple(made), kind, limit, predecessor=before, successor=after)
+            RoadDesign(name, name, begin, (line(length),), tuple(made), kind, limit,
+                predecessor=before, successor=after)
         )  # fmt: skip
 
     def _other_end(self, link: RoadLink | None) -> RoadLink | None:
@@ -290,7 +300,9 @@ class Traffic(NamedTuple):
         return {str(k) for k in self._seen() if self.departing[k].end[0].startswith("r")}
 
     def passing(self, plan: Motorway, among: set[str], entering: bool) -> set[str]:
-        """Those of some vehicles that pass the border between through lanes and another lane or ramp in view, 3 s from its ends."""
+        """Those of some vehicles that pass the border between through lanes and another lane or
+        ramp in view, 3 s from its ends.
+        """
         border = -plan.lanes * WIDTH
         found = set()
         for name in among:
@@ -321,9 +333,11 @@ def _track(name: str, rows: VehicleMotion, length: float, width: float, left: bo
     back = REAR_AXLE * length
     zero = np.zeros(len(h))
     columns = {
-        "time": rows.frame / RATE, "x": rows.x - back * np.cos(h), "y": side * rows.y - back * np.sin(h), "z": zero, "h": h,
+        "time": rows.frame / RATE, "x": rows.x - back * np.cos(h),
+        "y": side * rows.y - back * np.sin(h), "z": zero, "h": h,
         "pitch": zero, "roll": zero, "speed": np.hypot(rows.vx, rows.vy),
-        "acceleration": rows.ax * np.cos(rows.h) + rows.ay * np.sin(rows.h), "road_id": np.full(len(h), None, object),
+        "acceleration": rows.ax * np.cos(rows.h) + rows.ay * np.sin(rows.h),
+        "road_id": np.full(len(h), None, object),
         "lane_id": np.zeros(len(h), np.int64), "s": zero, "t": zero, "lane_offset": zero,
     }  # fmt: skip
     return Track(
@@ -343,7 +357,9 @@ def traffic(
     main: float = 2400.0,
     ramp: float = 700.0,
 ) -> Traffic:
-    """Drive traffic on the map of sections: through vehicles and such of the ramps, vehicles per hour."""
+    """Drive traffic on the map of sections: through vehicles and such of the
+    ramps, vehicles per hour.
+    """
     plan = Motorway(plan.length, plan.lanes, plan.extras)
     path = plan.write("sections", folder)
     net = build(path)

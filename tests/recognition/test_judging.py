@@ -51,7 +51,9 @@ from tests.runner.chromium import Browser
 
 
 class Model(ByRules):
-    """A model that sees lane changes as the rules do, and enters ramps wherever they see another class."""
+    """A model that sees lane changes as the rules do, and enters ramps wherever
+    they see another class.
+    """
 
     sorted_by = "model"
 

@@ -1,4 +1,6 @@
-"""The command `xosc-recognize`: options, exit codes, what goes to standard output and standard error."""
+"""The command `xosc-recognize`: options, exit codes, what goes to standard
+output and standard error.
+"""
 
 from __future__ import annotations
 
@@ -218,10 +220,12 @@ def test_version(recognize: Command) -> None:
 
 def test_help_names_all_commands_and_loads_nothing_heavy() -> None:
     code = (
-        "import sys; from recognition import xosc_recognize; sys.argv = ['xosc-recognize', '--help']\n"
+        "import sys; from recognition import xosc_recognize; sys.argv = "
+        "['xosc-recognize', '--help']\n"
         "try: xosc_recognize.main()\n"
         "except SystemExit as end: print(end.code)\n"
-        "print([name for name in ('torch', 'sklearn', 'numpy', 'matplotlib', 'libsumo', 'scipy') if name in sys.modules])"
+        "print([name for name in ('torch', 'sklearn', 'numpy', 'matplotlib', 'libsumo', 'scipy') "
+        "if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     *text, ended, loaded = run.stdout.splitlines()

@@ -17,13 +17,16 @@ from runner.recording import Recording
 
 UPPER, LOWER = (8.0, 12.0, 16.0), (20.0, 24.0, 28.0)
 _SURROUNDINGS = (
-    "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc", "precedingXVelocity", "precedingId", "followingId",
-    "leftPrecedingId", "leftAlongsideId", "leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId",
+    "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc", "precedingXVelocity",
+    "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId", "leftFollowingId",
+    "rightPrecedingId", "rightAlongsideId", "rightFollowingId",
 )  # fmt: skip
 
 
 class Car(NamedTuple):
-    """A vehicle of a highD recording with a constant velocity; x, y of its upper left corner at its first frame, image frame."""
+    """A vehicle of a highD recording with a constant velocity; x, y of its upper left corner at its
+    first frame, image frame.
+    """
 
     id: int
     x: float
@@ -43,8 +46,10 @@ def highd_rows(cars: Iterable[Car], rate: float = 25.0) -> list[dict[str, object
     zeros = dict.fromkeys(_SURROUNDINGS, 0)
     return [
         {
-            "frame": car.first + k, "id": car.id, "x": car.x + car.vx * k / rate, "y": car.y + car.vy * k / rate,
-            "width": car.length, "height": car.width, "xVelocity": car.vx, "yVelocity": car.vy, "xAcceleration": 0.0,
+            "frame": car.first + k, "id": car.id, "x": car.x + car.vx * k / rate,
+            "y": car.y + car.vy * k / rate,
+            "width": car.length, "height": car.width, "xVelocity": car.vx, "yVelocity": car.vy,
+            "xAcceleration": 0.0,
             "yAcceleration": 0.0, **zeros, "laneId": car.lane,
         }
         for car in cars
@@ -64,7 +69,9 @@ def write_highd(
     speed_limit: float = -1.0,
     **more: object,
 ) -> Path:
-    """Write the three files of a recording; the path of its track file. `rows` replaces the rows of the cars."""
+    """Write the three files of a recording; the path of its track file. `rows`
+    replaces the rows of the cars.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     meta = [
         {
@@ -75,7 +82,8 @@ def write_highd(
         for car in cars
     ]  # fmt: skip
     recording = {
-        "id": 1, "frameRate": rate, "locationId": 2, "speedLimit": speed_limit, "upperLaneMarkings": upper,
+        "id": 1, "frameRate": rate, "locationId": 2, "speedLimit": speed_limit,
+        "upperLaneMarkings": upper,
         "lowerLaneMarkings": lower, **more,
     }  # fmt: skip
     write_csv(folder / f"{name}_tracksMeta.csv", meta)
@@ -99,8 +107,10 @@ def ind_rows(
     """Rows of NN_tracks.csv of inD: a participant with a constant velocity, 10 frames a second."""
     return [
         {
-            "recordingId": 0, "trackId": track, "frame": first + k, "trackLifetime": k, "xCenter": x + 0.1 * vx * k,
-            "yCenter": y + 0.1 * vy * k, "heading": math.degrees(math.atan2(vy, vx)) % 360.0, "width": 2.0, "length": 4.0,
+            "recordingId": 0, "trackId": track, "frame": first + k, "trackLifetime": k,
+            "xCenter": x + 0.1 * vx * k,
+            "yCenter": y + 0.1 * vy * k, "heading": math.degrees(math.atan2(vy, vx)) % 360.0,
+            "width": 2.0, "length": 4.0,
             "xVelocity": vx, "yVelocity": vy, "xAcceleration": 0.0, "yAcceleration": 0.0, **other,
         }
         for k in range(n)
@@ -113,7 +123,9 @@ def write_ind(
     kinds: Mapping[int, str] | None = None,
     **recording: object,
 ) -> Path:
-    """Write the three files of a recording of inD in Aachen; the path of its track file. Tracks without a kind are cars."""
+    """Write the three files of a recording of inD in Aachen; the path of its
+    track file. Tracks without a kind are cars.
+    """
     meta: dict[object, dict[str, object]] = {}
     for row in rows:
         own = {
@@ -146,8 +158,10 @@ def interaction_rows(
     """Rows of a vehicle with a constant velocity."""
     return [
         {
-            "track_id": track, "frame_id": k + 1, "timestamp_ms": 100 * (k + 1), "agent_type": "car",
-            "x": x + 0.1 * vx * k, "y": y + 0.1 * vy * k, "vx": vx, "vy": vy, "psi_rad": h, "length": 4.0, "width": 2.0, **other,
+            "track_id": track, "frame_id": k + 1, "timestamp_ms": 100 * (k + 1),
+            "agent_type": "car",
+            "x": x + 0.1 * vx * k, "y": y + 0.1 * vy * k, "vx": vx, "vy": vy, "psi_rad": h,
+            "length": 4.0, "width": 2.0, **other,
         }
         for k in range(n)
     ]  # fmt: skip
@@ -177,10 +191,13 @@ RECTANGLE = "<rectangle><length>4.0</length><width>2.0</width></rectangle>"
 
 
 def obstacle(
-    id: int, x: float, y: float, h: float, speed: float, *, steps: int = 10, kind: str = "car", version: str = "2018b",
+    id: int, x: float, y: float, h: float, speed: float, *, steps: int = 10, kind: str = "car",
+    version: str = "2018b",
     shape: str = RECTANGLE, more: str = "",
 ) -> str:  # fmt: skip
-    """A dynamic obstacle that goes straight ahead, at 10 steps a second; `more` is what else its states have."""
+    """A dynamic obstacle that goes straight ahead, at 10 steps a second; `more`
+    is what else its states have.
+    """
     first, *others = (
         (k, x + 0.1 * k * speed * math.cos(h), y + 0.1 * k * speed * math.sin(h), h, speed, more)
         for k in range(steps)
@@ -197,7 +214,10 @@ def obstacle(
 
 def commonroad(*content: str, version: str = "2018b", step: object = 0.1) -> str:
     """A CommonRoad scenario of lanelets and obstacles, one a line."""
-    head = f'<commonRoad commonRoadVersion="{version}" benchmarkID="DEU_Test-1_1_T-1" timeStepSize="{step}">'
+    head = (
+        f'<commonRoad commonRoadVersion="{version}" benchmarkID="DEU_Test-1_1_T-1" '
+        f'timeStepSize="{step}">'
+    )
     return "\n".join(['<?xml version="1.0"?>', head, *content, "</commonRoad>"])
 
 
@@ -214,11 +234,15 @@ def write_archive(path: Path, members: Mapping[str, str]) -> Path:
 def ngsim_rows(
     vehicle: int, along: float, across: float, speed: float, n: int = 20, **other: object
 ) -> list[dict[str, object]]:
-    """Rows of NGSIM's public layout for a constant speed along the road: lengths in feet, front bumper, 10 Hz."""
+    """Rows of NGSIM's public layout for a constant speed along the road: lengths
+    in feet, front bumper, 10 Hz.
+    """
     return [
         {
-            "Vehicle_ID": vehicle, "Frame_ID": 100 + k, "Total_Frames": n, "Global_Time": 1_118_846_980_000 + 100 * k,
-            "Local_X": across, "Local_Y": along + 0.1 * k * speed, "v_Length": 15.0, "v_Width": 6.0, "v_Class": 2,
+            "Vehicle_ID": vehicle, "Frame_ID": 100 + k, "Total_Frames": n,
+            "Global_Time": 1_118_846_980_000 + 100 * k,
+            "Local_X": across, "Local_Y": along + 0.1 * k * speed, "v_Length": 15.0, "v_Width": 6.0,
+            "v_Class": 2,
             "v_Vel": speed, "v_Acc": 0.0, "Lane_ID": 3, **other,
         }
         for k in range(n)
@@ -231,8 +255,10 @@ def metric_rows(
     """Rows of NGSIM's metric layout for a constant velocity: m, rad, box centres, 10 Hz."""
     return [
         {
-            "vehicle_id": vehicle, "sim_time": 7.9 + 0.1 * k, "position_x": x + 0.1 * k * speed * math.cos(heading),
-            "position_y": y + 0.1 * k * speed * math.sin(heading), "heading_rad": heading, "speed": speed, "lane_id": 2,
+            "vehicle_id": vehicle, "sim_time": 7.9 + 0.1 * k,
+            "position_x": x + 0.1 * k * speed * math.cos(heading),
+            "position_y": y + 0.1 * k * speed * math.sin(heading), "heading_rad": heading,
+            "speed": speed, "lane_id": 2,
             "type": 2, "length": 4.0, "width": 2.0, **other,
         }
         for k in range(n)
@@ -247,7 +273,9 @@ def write_parquet(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
 
 
 def read(path: Path) -> tuple[Recording, datasets.Report]:
-    """The recording of the only source in a file or folder, and what reading it found, possible or not; roads go beside it."""
+    """The recording of the only source in a file or folder, and what reading it
+    found, possible or not; roads go beside it.
+    """
     (source,) = datasets.open(
         path, roads=(path if path.is_dir() else path.parent) / "roads"
     ).sources

@@ -1,4 +1,6 @@
-"""A headless Chromium to look at pages with, driven through its DevTools pipe: no package and no port needed."""
+"""A headless Chromium to look at pages with, driven through its DevTools pipe:
+no package and no port needed.
+"""
 
 from __future__ import annotations
 
@@ -154,7 +156,9 @@ class Browser:
         height: int = 900,
         dark: bool = False,
     ) -> None:
-        """Show a file, or what is at an address, in a window of a size, and wait until it is drawn."""
+        """Show a file, or what is at an address, in a window of a size, and wait
+        until it is drawn.
+        """
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -168,7 +172,8 @@ class Browser:
         address = page if isinstance(page, str) else page.as_uri()
         self.call("Page.navigate", url=address + (f"#{fragment}" if fragment else ""))
         self.run(
-            "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', () => done()))"
+            "new Promise(done => document.readyState === 'complete' ? done() : "
+            "addEventListener('load', () => done()))"
         )
         self.settle()
 
@@ -219,7 +224,9 @@ class Browser:
         self.settle()
 
     def drag(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
-        """Press at a place of the window, move by some pixels, and release; without movement this is a click."""
+        """Press at a place of the window, move by some pixels, and release;
+        without movement this is a click.
+        """
         self.call(
             "Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1
         )

@@ -1,4 +1,6 @@
-"""Scenarios with a value in one field each, for exports of documents: a base, and what a field adds to it."""
+"""Scenarios with a value in one field each, for exports of documents: a base,
+and what a field adds to it.
+"""
 
 from __future__ import annotations
 
@@ -71,19 +73,31 @@ BASE = f"""<?xml version="1.0"?>
 <ParameterDeclarations/>
 <CatalogLocations/>
 <RoadNetwork><LogicFile filepath="{{road}}"/></RoadNetwork>
-<Entities>{_CAR.format(name="Ego", role="", more="")}{_CAR.format(name="Other", role="", more="")}</Entities>
+<Entities>{_CAR.format(name="Ego", role="", more="")}{
+    _CAR.format(name="Other", role="", more="")
+}</Entities>
 <Storyboard><Init><Actions>
-<Private entityRef="Ego">{_PLACE.format(place=_START)}{_SPEED.format(shape="step", time=0, value=10, mode="")}</Private>
+<Private entityRef="Ego">{_PLACE.format(place=_START)}{
+    _SPEED.format(shape="step", time=0, value=10, mode="")
+}</Private>
 <Private entityRef="Other">{_PLACE.format(place='<LanePosition roadId="1" laneId="-2" s="150"/>')}
 {_SPEED.format(shape="step", time=0, value=8, mode="")}</Private>
 </Actions></Init>
 <Story name="story"><Act name="act"><ManeuverGroup name="group" maximumExecutionCount="1">
 <Actors selectTriggeringEntities="false"><EntityRef entityRef="Other"/></Actors>
-<Maneuver name="maneuver"><Event name="event" priority="parallel"><Action name="action">{_ACTION}</Action>
-<StartTrigger><ConditionGroup>{_TIME}</ConditionGroup></StartTrigger></Event></Maneuver></ManeuverGroup>
-<StartTrigger><ConditionGroup>{_TIME.replace("at 1 s", "at 0 s").replace('value="1"', 'value="0"')}</ConditionGroup></StartTrigger>
+<Maneuver name="maneuver"><Event name="event" priority="parallel"><Action name="action">{
+    _ACTION
+}</Action>
+<StartTrigger><ConditionGroup>{
+    _TIME
+}</ConditionGroup></StartTrigger></Event></Maneuver></ManeuverGroup>
+<StartTrigger><ConditionGroup>{
+    _TIME.replace("at 1 s", "at 0 s").replace('value="1"', 'value="0"')
+}</ConditionGroup></StartTrigger>
 </Act></Story>
-<StopTrigger><ConditionGroup>{_TIME.replace("at 1 s", "end").replace('value="1"', 'value="6"')}</ConditionGroup></StopTrigger>
+<StopTrigger><ConditionGroup>{
+    _TIME.replace("at 1 s", "end").replace('value="1"', 'value="6"')
+}</ConditionGroup></StopTrigger>
 </Storyboard>
 </OpenSCENARIO>
 """
@@ -108,7 +122,10 @@ def _trajectory(shape: str) -> dict[str, str]:
 
 
 def _vertex(time: float, x: float) -> str:
-    return f'<Vertex time="{time}"><Position><WorldPosition x="{x}" y="-5.25" z="0" h="0" p="0" r="0"/></Position></Vertex>'
+    return (
+        f'<Vertex time="{time}"><Position><WorldPosition x="{x}" y="-5.25" z="0" h="0" p="0" '
+        'r="0"/></Position></Vertex>'
+    )
 
 
 _DISTANCE = """<Condition name="near" delay="0" conditionEdge="none"><ByEntityCondition>

@@ -1,4 +1,6 @@
-"""Scenario and distribution files for tests: two cars one behind the other on the straight road of the conformance tests."""
+"""Scenario and distribution files for tests: two cars one behind the other on
+the straight road of the conformance tests.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,10 @@ from pathlib import Path
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"
 
-HEADER = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="tests" description="test"/>'
+HEADER = (
+    '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="tests" '
+    'description="test"/>'
+)
 
 SLOW_SYSTEM = """
 import os
@@ -27,13 +32,18 @@ class Deadly(Slow):
             os._exit(1)
         return Control()
 """
-"""Source of systems under test: one takes 20 ms for each step, one also ends its process where the gap is 30 m"""
+"""Source of systems under test: one takes 20 ms for each step, one also ends its
+process where the gap is 30 m
+"""
 
 
 def car(name: str, controller: str = "", performance: str = "") -> str:
     """A ScenarioObject of a car, with an ObjectController where a controller is named."""
     performance = performance or 'maxSpeed="70" maxAcceleration="10" maxDeceleration="10"'
-    control = f'<ObjectController><Controller name="{controller}"><Properties/></Controller></ObjectController>'
+    control = (
+        "<ObjectController><Controller "
+        f'name="{controller}"><Properties/></Controller></ObjectController>'
+    )
     return f"""
     <ScenarioObject name="{name}">
       <Vehicle name="car" vehicleCategory="car">
@@ -51,7 +61,9 @@ def car(name: str, controller: str = "", performance: str = "") -> str:
 def speed_action(
     value: object, dynamics: str = 'dynamicsShape="step" dynamicsDimension="time" value="0"'
 ) -> str:
-    """A PrivateAction that brings its actor to an absolute speed (m/s), at once unless other dynamics are given."""
+    """A PrivateAction that brings its actor to an absolute speed (m/s), at once
+    unless other dynamics are given.
+    """
     return (
         f"<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics {dynamics}/>"
         f'<SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget>'
@@ -60,7 +72,9 @@ def speed_action(
 
 
 def place(entity: str, s: object, speed: object, lane: int = -1, more: str = "") -> str:
-    """The Private of Init that puts a car on a lane of road 1, with a speed (m/s) and more actions."""
+    """The Private of Init that puts a car on a lane of road 1, with a speed
+    (m/s) and more actions.
+    """
     where = f'<LanePosition roadId="1" laneId="{lane}" s="{s}"/>'
     return (
         f'<Private entityRef="{entity}"><PrivateAction><TeleportAction><Position>{where}</Position></TeleportAction>'
@@ -71,13 +85,17 @@ def place(entity: str, s: object, speed: object, lane: int = -1, more: str = "")
 def at_time(time: float, name: str = "time") -> str:
     """A Trigger's content: the simulation time (s) has been reached."""
     return (
-        f'<ConditionGroup><Condition name="{name}" delay="0" conditionEdge="none"><ByValueCondition>'
-        f'<SimulationTimeCondition value="{time}" rule="greaterOrEqual"/></ByValueCondition></Condition></ConditionGroup>'
+        f'<ConditionGroup><Condition name="{name}" delay="0" '
+        'conditionEdge="none"><ByValueCondition>'
+        f'<SimulationTimeCondition value="{time}" '
+        'rule="greaterOrEqual"/></ByValueCondition></Condition></ConditionGroup>'
     )
 
 
 def story(actor: str, events: Sequence[tuple[float, str]]) -> str:
-    """A Story whose events start an action of the actor at given times (s); each action as its PrivateAction element."""
+    """A Story whose events start an action of the actor at given times (s); each
+    action as its PrivateAction element.
+    """
     text = "".join(
         f'<Event name="event{n}" priority="parallel"><Action name="action{n}">{action}</Action>'
         f"<StartTrigger>{at_time(time)}</StartTrigger></Event>"
@@ -102,7 +120,9 @@ def scenario(
     parameters: Mapping[str, float] | None = None,
     road: str = "straight",
 ) -> Path:
-    """Write a scenario beside its road; by default Ego at 20 m/s, 50 m behind Lead at 10 m/s, for `stop` seconds."""
+    """Write a scenario beside its road; by default Ego at 20 m/s, 50 m behind
+    Lead at 10 m/s, for `stop` seconds.
+    """
     values = (
         {"Gap": 50.0, "Ego_Speed": 20.0, "Lead_Speed": 10.0} if parameters is None else parameters
     )
@@ -139,10 +159,14 @@ def scenario(
 def distribution(
     folder: Path, name: str, ranges: Mapping[str, tuple[float, float, float]], of: str = "scenario"
 ) -> Path:
-    """Write a distribution over a scenario in the same folder: parameter → lower limit, upper limit, step width."""
+    """Write a distribution over a scenario in the same folder: parameter → lower
+    limit, upper limit, step width.
+    """
     inner = "".join(
-        f'<DeterministicSingleParameterDistribution parameterName="{parameter}"><DistributionRange stepWidth="{step}">'
-        f'<Range lowerLimit="{low}" upperLimit="{high}"/></DistributionRange></DeterministicSingleParameterDistribution>'
+        "<DeterministicSingleParameterDistribution "
+        f'parameterName="{parameter}"><DistributionRange stepWidth="{step}">'
+        f'<Range lowerLimit="{low}" '
+        f'upperLimit="{high}"/></DistributionRange></DeterministicSingleParameterDistribution>'
         for parameter, (low, high, step) in ranges.items()
     )
     path = folder / f"{name}.xosc"

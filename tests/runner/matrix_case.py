@@ -1,4 +1,6 @@
-"""A run with a value in each field of exports: linked roads on a projection, signs, lights, vehicles with roles and lamps."""
+"""A run with a value in each field of exports: linked roads on a projection, signs, lights,
+vehicles with roles and lamps.
+"""
 
 from __future__ import annotations
 

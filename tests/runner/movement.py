@@ -1,4 +1,6 @@
-"""Participants that move at random: mostly as far in each step as before, sometimes to anywhere, or out of the world and in."""
+"""Participants that move at random: mostly as far in each step as before,
+sometimes to anywhere, or out of the world and in.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from runner.engine.participants.entity import Entity
 
 
 class Move(NamedTuple):
-    """What becomes of a participant in a step: a displacement (m) and a turn (rad), or a new place; whether it is there."""
+    """What becomes of a participant in a step: a displacement (m) and a turn
+    (rad), or a new place; whether it is there.
+    """
 
     x: float
     y: float

@@ -72,7 +72,10 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--param", "Gap=wide"], "'wide' is not a number"),
         (
             ["--sut", "absent"],
-            "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module",
+            (
+                "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, "
+                "sumo, and module"
+            ),
         ),
         (["--sut", ":Class"], "there are adas, aeb, bridge, cas"),
         (["--sut", "absent_module:Class"], "No module named 'absent_module'"),
@@ -159,7 +162,10 @@ def test_folders_and_globs_stand_for_what_can_be_run_in_them(
 
 
 def test_4_not_supported(xosc_run: Command, tmp_path: Path) -> None:
-    external = '<ScenarioObject name="Ego"><ExternalObjectReference name="library/object"/></ScenarioObject>'
+    external = (
+        '<ScenarioObject name="Ego"><ExternalObjectReference '
+        'name="library/object"/></ScenarioObject>'
+    )
     path = scenario(tmp_path, "external", entities=[external, car("Lead")])
     answer = xosc_run(path)
     assert answer.code == 4
@@ -269,7 +275,10 @@ def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
         )
     )
     variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
-    told = f"remark: {variation}: 2 parameter sets left out: the values violate the scenario's constraints"
+    told = (
+        f"remark: {variation}: 2 parameter sets left out: the values violate the "
+        "scenario's constraints"
+    )
     for options in ([], ["--dry-run"], ["--sample", "4"]):
         assert told in xosc_run(variation, *options).out, options
     assert "left out" not in xosc_run(variation, "--no-constraints").out
@@ -278,7 +287,8 @@ def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
         answer = xosc_run(none, *options)
         assert answer.code == 3, options
         assert re.search(
-            rf"^xosc-run: {none}:\d+: .*none of \d (parameter sets|samples) satisfies the constraints",
+            rf"^xosc-run: {none}:\d+: .*none of \d (parameter sets|samples) "
+            r"satisfies the constraints",
             answer.err,
         )
 
@@ -519,7 +529,8 @@ def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) 
         "    variation~000005 Gap=18",
         "worst 5 of 5 contacts, by the risk of a death:",
         *(
-            f"     10.0 m/s, change of velocity  5.0 m/s, risk <0.1 %  variation~00000{number} Gap={3 + 3 * number}: "
+            f"     10.0 m/s, change of velocity  5.0 m/s, risk <0.1 %  variation~00000{number} "
+            f"Gap={3 + 3 * number}: "
             "the ego hit Lead with its front"
             for number in range(5)
         ),
@@ -620,7 +631,10 @@ def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(
 
 
 def test_help_imports_no_simulator_and_no_numerics() -> None:
-    code = "import sys, runner.xosc_run; print(*[m for m in ('libsumo', 'numpy', 'lxml', 'pyarrow', 'xosc') if m in sys.modules])"
+    code = (
+        "import sys, runner.xosc_run; print(*[m for m in ('libsumo', 'numpy', 'lxml', 'pyarrow', "
+        "'xosc') if m in sys.modules])"
+    )
     assert (
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True

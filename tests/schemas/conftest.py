@@ -1,4 +1,6 @@
-"""A small sound project, scenario with road network, catalogue and distribution, that the tests break in one place."""
+"""A small sound project, scenario with road network, catalogue and distribution,
+that the tests break in one place.
+"""
 
 from __future__ import annotations
 

@@ -81,7 +81,9 @@ def without_layers(tree: etree._ElementTree) -> etree._ElementTree:
 
 
 def mutant(tree: etree._ElementTree, random: Random) -> etree._ElementTree:
-    """A copy with up to three changes: elements grafted, doubled, removed or renamed, attributes set, dropped or added."""
+    """A copy with up to three changes: elements grafted, doubled, removed or
+    renamed, attributes set, dropped or added.
+    """
     changed = copy.deepcopy(tree)
     root = changed.getroot()
     known = standard.standard(OPENSCENARIO)
@@ -174,7 +176,9 @@ ROAD_XSDS = {
 
 @pytest.fixture(scope="module", params=[8, 9])
 def road_schemas(request: pytest.FixtureRequest) -> Iterator[tuple[int, Any, Any]]:
-    """Minor version and schemas of OpenDRIVE, XSD 1.1: the one made of the 1.7 that a dependency brings, and the official one."""
+    """Minor version and schemas of OpenDRIVE, XSD 1.1: the one made of the 1.7 that a dependency
+    brings, and the official one.
+    """
     if not STANDARDS.is_dir():
         pytest.skip("the development folder shared/standards is not beside this checkout")
     with pytest.MonkeyPatch.context() as patch:
@@ -192,7 +196,9 @@ def road_schemas(request: pytest.FixtureRequest) -> Iterator[tuple[int, Any, Any
 
 @cache
 def roads() -> tuple[etree._ElementTree, ...]:
-    """Road networks as OpenDRIVE 1.9: with layers, objects of every kind that has an assertion, signals with semantics."""
+    """Road networks as OpenDRIVE 1.9: with layers, objects of every kind that
+    has an assertion, signals with semantics.
+    """
     library = [
         etree.parse(path)
         for path in sorted((Path(xodr.__file__).parent / "library").glob("highway*.xodr"))
@@ -212,9 +218,12 @@ def roads() -> tuple[etree._ElementTree, ...]:
         "vegetation",
     )
     objects = "".join(
-        f'<object id="{number}" type="{kind}" s="1" t="2" zOffset="0" radius="1"><repeat s="0" length="5" distance="1" tStart="0"'
-        ' tEnd="0" heightStart="1" heightEnd="1" zOffsetStart="0" zOffsetEnd="0"/><outlines><outline id="0">'
-        '<curveLocal hdg="0" height="1" length="2" u="0" v="0" z="0"><line/></curveLocal></outline></outlines></object>'
+        f'<object id="{number}" type="{kind}" s="1" t="2" zOffset="0" radius="1"><repeat s="0" '
+        'length="5" distance="1" tStart="0"'
+        ' tEnd="0" heightStart="1" heightEnd="1" zOffsetStart="0" '
+        'zOffsetEnd="0"/><outlines><outline id="0">'
+        '<curveLocal hdg="0" height="1" length="2" u="0" v="0" '
+        'z="0"><line/></curveLocal></outline></outlines></object>'
         for number, kind in enumerate(kinds)
     )
     layered = SOUND.replace(
@@ -287,7 +296,9 @@ def test_1_8_declares_what_the_official_schema_declares(monkeypatch: pytest.Monk
 
 
 def declared(root: etree._Element) -> dict[str, object]:
-    """Content of the named types and of the root element, by name, the same in any order of attributes and values."""
+    """Content of the named types and of the root element, by name, the same in
+    any order of attributes and values.
+    """
     found: dict[str, object] = {}
     for element in root:
         name = str(element.get("name"))

@@ -33,7 +33,10 @@ def document(text: str) -> etree._ElementTree:
             FileType(OPENSCENARIO, (1, 3), "catalog"),
         ),
         (
-            '<OpenSCENARIO><FileHeader revMajor="1" revMinor="1"/><ParameterValueDistribution/></OpenSCENARIO>',
+            (
+                '<OpenSCENARIO><FileHeader revMajor="1" '
+                'revMinor="1"/><ParameterValueDistribution/></OpenSCENARIO>'
+            ),
             FileType(OPENSCENARIO, (1, 1), "distribution"),
         ),
         (
@@ -111,7 +114,8 @@ def test_schema_dir_supplies_versions_and_wins(tmp_path, monkeypatch):
 
 def test_schema_that_needs_xsd_1_1_is_recognised_by_its_parts(tmp_path, monkeypatch):
     (tmp_path / "part.xsd").write_text(
-        '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"><xs:assert test="true()"/></xs:schema>'
+        '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"><xs:assert '
+        'test="true()"/></xs:schema>'
     )
     (tmp_path / "core.xsd").write_text(
         XSD.format(name=OPENDRIVE, version="1.8.0", extra='<xs:include schemaLocation="part.xsd"/>')

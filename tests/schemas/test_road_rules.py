@@ -1,4 +1,6 @@
-"""Every rule on lanes, layers, junctions and curves of road networks passes a sound file and catches its fault, at its line."""
+"""Every rule on lanes, layers, junctions and curves of road networks passes a sound file and
+catches its fault, at its line.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ N = '<width sOffset="0" a="3.50" b="0" c="0" d="0"/>'
 
 
 def _lane(number: int, width: str, before: str, after: str) -> str:
-    """A lane on a line of its own; before and after are the layers of the lanes of the same id that it links."""
+    """A lane on a line of its own; before and after are the layers of the lanes
+    of the same id that it links.
+    """
     links = "".join(
         f'<{tag} id="{number}" layer="{layer}"/>'
         for tag, layers in (("predecessor", before), ("successor", after))
@@ -56,7 +60,8 @@ def _road(
 ) -> str:
     geometry = f'<geometry s="0" x="{start}" y="0" hdg="0" length="{length}">{shape}</geometry>'
     return (
-        f'<road name="" length="{length}" id="{number}" junction="{junction}" rule="RHT">\n<link>{link}</link>\n'
+        f'<road name="" length="{length}" id="{number}" junction="{junction}" '
+        f'rule="RHT">\n<link>{link}</link>\n'
         f"<planView>{geometry}\n</planView>\n{lanes}</road>\n"
     )
 
@@ -72,22 +77,28 @@ WORKS = (
     f'<lanes layer="{T}">\n{_section(40, N, P, P, LENGTH)}</lanes>\n'
 )
 BORDERS = "".join(
-    f'<lane id="{number}" type="driving" level="false"><border sOffset="0" a="{t}" b="0" c="0" d="0"/></lane>\n'
+    f'<lane id="{number}" type="driving" level="false"><border sOffset="0" a="{t}" b="0" c="0" '
+    'd="0"/></lane>\n'
     for number, t in ((-1, -3.5), (-2, -7))
 )
 SOUND = (
     '<?xml version="1.0"?>\n<OpenDRIVE>\n<header revMajor="1" revMinor="9"/>\n'
     + _road(1, 0, 100, "<line/>", WORKS, _to("successor", 2, "start"))
-    + _road(2, 100, 50, CURVE.format(b=50, range="normalized"), f"<lanes>{_section(0, W, P, '')}</lanes>\n",
+    + _road(2, 100, 50, CURVE.format(b=50, range="normalized"),
+        f"<lanes>{_section(0, W, P, '')}</lanes>\n",
             _to("predecessor", 1, "end") + '<successor elementType="junction" elementId="5"/>')
     + _road(3, 160, 50, CURVE.format(b=1, range="arcLength"),
-            f'<lanes><laneSection s="0"><center><lane id="0"/></center><right>\n{BORDERS}</right></laneSection></lanes>\n',
+            '<lanes><laneSection s="0"><center><lane '
+            f'id="0"/></center><right>\n{BORDERS}</right></laneSection></lanes>\n',
             '<predecessor elementType="junction" elementId="5"/>')
     + _road(10, 150, 10, "<line/>", f"<lanes>{_section(0, W, '', '')}</lanes>\n",
             _to("predecessor", 2, "end") + _to("successor", 3, "start"), 5)
-    + '<junction id="5" name="">\n<connection id="0" incomingRoad="2" connectingRoad="10" contactPoint="start">\n'
-    '<laneLink from="-1" to="-1"/></connection>\n<crossPath id="0" crossingRoad="10" roadAtStart="2" roadAtEnd="3">\n'
-    '<startLaneLink s="50" from="-1" to="-1"/><endLaneLink s="0" from="-1" to="-1"/></crossPath>\n</junction>\n</OpenDRIVE>\n'
+    + '<junction id="5" name="">\n<connection id="0" incomingRoad="2" connectingRoad="10" '
+      'contactPoint="start">\n'
+    '<laneLink from="-1" to="-1"/></connection>\n<crossPath id="0" crossingRoad="10" '
+    'roadAtStart="2" roadAtEnd="3">\n'
+    '<startLaneLink s="50" from="-1" to="-1"/><endLaneLink s="0" from="-1" '
+    'to="-1"/></crossPath>\n</junction>\n</OpenDRIVE>\n'
 )  # fmt: skip
 
 

@@ -14,7 +14,9 @@ ASAM_ROAD, OWN_ROAD = "asam.net:xodr:", "xosc.toolchain:xodr:"
 
 
 class Fault(NamedTuple):
-    """A replacement in a file that breaks a rule, and a text on the line that the problem must name."""
+    """A replacement in a file that breaks a rule, and a text on the line that
+    the problem must name.
+    """
 
     rule: str
     file: str
@@ -171,7 +173,8 @@ FAULTS = [
         OWN + "1.0.0:parameters.declarations_are_unique",
         "catalog",
         "</ParameterDeclarations>",
-        '<ParameterDeclaration name="topSpeed" parameterType="double" value="60"/></ParameterDeclarations>',
+        '<ParameterDeclaration name="topSpeed" parameterType="double" '
+        'value="60"/></ParameterDeclarations>',
         '"60"',
     ),
     Fault(
@@ -591,7 +594,8 @@ def test_reference_through_an_undeclared_parameter_is_reported_once(project):
 
 def test_parameters_that_double_each_other_cost_nothing(project):
     declared = "".join(
-        f'<ParameterDeclaration name="p{n}" parameterType="double" value="${{$p{n - 1} + $p{n - 1}}}"/>'
+        f'<ParameterDeclaration name="p{n}" parameterType="double" value="${{$p{n - 1} + '
+        f'$p{n - 1}}}"/>'
         for n in range(1, 200)
     )
     first = '<ParameterDeclaration name="p0" parameterType="double" value="1"/>'

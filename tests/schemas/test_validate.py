@@ -108,8 +108,10 @@ def test_schema_of_xsd_1_1_is_used(project, tmp_path, monkeypatch):
     folder.mkdir()
     (folder / "core.xsd").write_text(
         '<!-- OpenDRIVE V1.9.0 --><xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema">'
-        '<xs:element name="OpenDRIVE"><xs:complexType><xs:sequence><xs:any processContents="skip" maxOccurs="unbounded"/>'
-        '</xs:sequence><xs:assert test="count(road) lt 2"/></xs:complexType></xs:element></xs:schema>'
+        '<xs:element name="OpenDRIVE"><xs:complexType><xs:sequence><xs:any processContents="skip" '
+        'maxOccurs="unbounded"/>'
+        '</xs:sequence><xs:assert test="count(road) lt '
+        '2"/></xs:complexType></xs:element></xs:schema>'
     )
     monkeypatch.setenv(SCHEMA_DIR, str(folder))
     project.edit("road", ('revMinor="7"', 'revMinor="9"'))
@@ -122,7 +124,8 @@ def test_supplied_schema_that_is_broken_is_a_usage_error(project, tmp_path, monk
     folder = tmp_path / "xsd"
     folder.mkdir()
     (folder / "core.xsd").write_text(
-        '<!-- OpenDRIVE V1.9.0 --><x:schema xmlns:x="http://a"><x:element name="OpenDRIVE"/></x:schema>'
+        '<!-- OpenDRIVE V1.9.0 --><x:schema xmlns:x="http://a"><x:element '
+        'name="OpenDRIVE"/></x:schema>'
     )
     monkeypatch.setenv(SCHEMA_DIR, str(folder))
     project.edit("road", ('revMinor="7"', 'revMinor="9"'))

@@ -126,8 +126,20 @@ def test_spellings_of_other_tools_are_known(kind, text, fixed):
     assert meant(kind, text) == fixed
 
 
-@pytest.mark.parametrize(("kind", "text"), [pair for pair in WRONG if pair not in (
-    ("int", "2.0"), ("boolean", "True"), ("dateTime", "2024-05-31"), ("double", "infinity"))])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        pair
+        for pair in WRONG
+        if pair
+        not in (
+            ("int", "2.0"),
+            ("boolean", "True"),
+            ("dateTime", "2024-05-31"),
+            ("double", "infinity"),
+        )
+    ],
+)
 def test_what_has_no_meaning_is_not_guessed(kind, text):
     with pytest.raises(ValueError):
         meant(kind, text)

@@ -20,7 +20,10 @@ BOMB = b"""<?xml version="1.0"?>
 ]>
 <OpenSCENARIO a="&lol3;">&lol3;</OpenSCENARIO>
 """
-EXTERNAL = b'<!-- a comment --><!DOCTYPE a [<!ENTITY secret SYSTEM "file:///etc/passwd">]>\n<a>&secret;</a>'
+EXTERNAL = (
+    b"<!-- a comment --><!DOCTYPE a [<!ENTITY secret SYSTEM "
+    b'"file:///etc/passwd">]>\n<a>&secret;</a>'
+)
 REFUSED = {
     "entity bomb": (BOMB, "DOCTYPE"),
     "external entity": (EXTERNAL, "DOCTYPE"),

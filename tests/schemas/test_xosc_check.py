@@ -140,7 +140,8 @@ def test_version_and_help_load_nothing_that_they_do_not_need():
         "import sys; from schemas import xosc_check; sys.argv = ['xosc-check', '--help']\n"
         "try: xosc_check.main()\n"
         "except SystemExit as end: print(end.code)\n"
-        "print([name for name in ('lxml', 'xmlschema', 'numpy', 'schemas.checks.registry') if name in sys.modules])"
+        "print([name for name in ('lxml', 'xmlschema', 'numpy', 'schemas.checks.registry') if "
+        "name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     *text, ended, loaded = done.stdout.splitlines()

@@ -1,4 +1,6 @@
-"""Road networks that are broken are never green, with or without an XSD of their version at hand."""
+"""Road networks that are broken are never green, with or without an XSD of their
+version at hand.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Exports take along what is what it claims, from regular files, and write nowhere but into their folder."""
+"""Exports take along what is what it claims, from regular files, and write
+nowhere but into their folder.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,15 @@ MODELS = {
     "osg": b"Group {\n  nodeMask 0xffffffff\n}\n",
     "fbx": b"Kaydara FBX Binary  \x00\x1a\x00",
     "fbx as text": b"; FBX 7.3.0 project file\n",
-    "obj": b"# town\nmtllib town.mtl\no road\nv 0 0 0\nv 1.0 0 -2e3\nv 0 1 0\nvn 0 0 1\nusemtl asphalt\ns off\nf 1//1 2//1 3//1",
+    "obj": (
+        b"# town\nmtllib town.mtl\no road\nv 0 0 0\nv 1.0 0 -2e3\nv 0 1 0\nvn 0 0 1\nusemtl "
+        b"asphalt\ns off\nf 1//1 2//1 3//1"
+    ),
     "3ds": b"MM\x20\x00\x00\x00\x02\x00\x0a\x00",
-    "dae": b'<?xml version="1.0"?>\n<!-- by hand -->\n<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"/>',
+    "dae": (
+        b'<?xml version="1.0"?>\n<!-- by hand -->\n<COLLADA '
+        b'xmlns="http://www.collada.org/2005/11/COLLADASchema"/>'
+    ),
     "usdc": b"PXR-USDC" + bytes(8),
     "usda": b"#usda 1.0\n(\n)",
 }

@@ -34,7 +34,8 @@ CALLS: dict[str, list[str]] = {
     "run, OSI": ["xosc-run", "in/scenario.xosc", *QUICK, "--osi", "out/run.osi"],
     "run, MCAP": ["xosc-run", "in/scenario.xosc", *QUICK, "--osi", "out/run.mcap"],
     "check": ["xosc-check", "in/scenario.xosc", "--format", "sarif", "--output", "out/check.sarif"],
-    **{f"export to {to}": ["xosc-export", "in/scenario.xosc", "--to", to, "--out", "out"] for to in ("1.0", "carla", "esmini")},
+    **{f"export to {to}": ["xosc-export", "in/scenario.xosc", "--to", to, "--out",
+        "out"] for to in ("1.0", "carla", "esmini")},
     **{
         f"export to {to}": ["xosc-export", "in/scenario.xosc", "--to", to, "--out", "out", *QUICK]
         for to in ("openlabel", "parquet", "osi", "commonroad", "sumo")
@@ -47,16 +48,20 @@ CALLS: dict[str, list[str]] = {
     "list": ["xosc-list", "in/library", "--format", "json", "--output", "out/list.json"],
     "list of a catalogue, copied": ["xosc-list", "in/catalogue", "--copy-to", "out"],
     "convert": ["xosc-road", "convert", "in/road.xodr", "--out", "out/road.geojson"],
-    "triage": ["xosc-check", "in/library", "--triage", "--format", "html", "--output", "out/triage.html"],
+    "triage": ["xosc-check", "in/library", "--triage", "--format", "html", "--output",
+        "out/triage.html"],
     "run, assessed": [*RUN, "--assess", "euro-ncap-2023"],
     "report of a batch": ["xosc-replay", "out/results"],
     "history of batches": ["xosc-replay", "in/results", "out/results", "--out", "out/history.html"],
     "replay of a trace": ["xosc-replay", "in/trace.osi", "--out", "out/replay.html"],
-    "train": ["xosc-recognize", "train", "in/windows", "--encoders", "in/model", "--out", "out", "-q"],
+    "train": ["xosc-recognize", "train", "in/windows", "--encoders", "in/model", "--out", "out",
+        "-q"],
     "label": ["xosc-recognize", "label", "out/results/scenario", "--labels", "rules"],
     "record": ["xosc-recognize", "record", "out", "--families", "1"],
-    "generate": ["xosc-generate", "in/scenario.xosc", "--free", "Gap=20..60", *SEARCH, "--out", "out", *QUICK],
-    "loop": ["xosc-loop", "in/library", "--labels", "rules", "--budget", "2", "--rounds", "1", "--out", "out"],
+    "generate": ["xosc-generate", "in/scenario.xosc", "--free", "Gap=20..60", *SEARCH, "--out",
+        "out", *QUICK],
+    "loop": ["xosc-loop", "in/library", "--labels", "rules", "--budget", "2", "--rounds", "1",
+        "--out", "out"],
 }  # fmt: skip
 """A quick call of everything that writes, into the folder `out`"""
 MOST = {
@@ -201,7 +206,8 @@ def test_an_operation_that_fails(call: str, fresh: Callable[[str], Path], comman
 def test_every_operation_fails_or_is_the_last(
     call: str, fresh: Callable[[str], Path], command: Command, tmp_path: Path
 ) -> None:
-    """All operations, none left out; and before each the machine goes down, or the process is killed, and the call is repeated.
+    """All operations, none left out; and before each the machine goes down, or the process is
+    killed, and the call is repeated.
 
     Not in the suite: `pytest -m every --basetemp /dev/shm/every tests/security`, where numbers of
     files are not used twice.

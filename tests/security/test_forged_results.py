@@ -1,4 +1,6 @@
-"""Results of a batch that somebody has edited, with all digests right: they do not count as passed."""
+"""Results of a batch that somebody has edited, with all digests right: they do
+not count as passed.
+"""
 
 from __future__ import annotations
 
@@ -231,7 +233,8 @@ def test_untrusted_believes_nothing_that_is_stored(forged: Forgery) -> None:
     answer = forged.resume("--untrusted")
     assert answer.code == 1
     assert answer.err == (
-        "2 finished runs that --untrusted does not believe without XOSC_SEAL_KEY: run anew (crash, …)\n"
+        "2 finished runs that --untrusted does not believe without XOSC_SEAL_KEY: run anew "
+        "(crash, …)\n"
     )
 
 

@@ -1,4 +1,6 @@
-"""What the fuzzer takes for a defect, and inputs that failed once; `python -m benchmarks.fuzz` makes thousands."""
+"""What the fuzzer takes for a defect, and inputs that failed once; `python -m benchmarks.fuzz`
+makes thousands.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ print(json.dumps([*play(Path(sys.argv[1])), *served]))
 
 
 def serve(scratch: Path) -> tuple[list[Result], list[str]]:
-    """Return results of some inputs of the round in a forked child, and defects of inputs that end or spoil their process."""
+    """Return results of some inputs of the round in a forked child, and defects
+    of inputs that end or spoil their process.
+    """
     runner, spoilt = Runner(scratch, Limits()), list[int]()
     results = list(Server(runner, own_kinds(), _SEED, warm=False).group(range(0, _COUNT, 4)))
 
@@ -90,7 +94,9 @@ Played = tuple[list[Result], list[Result], list[Result], list[str]]
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
-    """Results of the corpus, of a short round, and of some of its inputs in a forked child; defects of odd inputs."""
+    """Results of the corpus, of a short round, and of some of its inputs in a
+    forked child; defects of odd inputs.
+    """
     done = subprocess.run(
         [sys.executable, "-c", _PLAYED, str(tmp_path_factory.mktemp("fuzz"))],
         capture_output=True, text=True, check=False, cwd=CORPUS.parents[2],
@@ -103,7 +109,9 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
 
 @pytest.mark.slow
 def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(played: Played) -> None:
-    """The same inputs each time, of most kinds, in one process; the workflow `fuzz` takes others each night."""
+    """The same inputs each time, of most kinds, in one process; the workflow
+    `fuzz` takes others each night.
+    """
     corpus, round_, _, _ = played
     assert len(corpus) == len(list(CORPUS.iterdir())) >= 3 and len(round_) == _COUNT
     assert [each for each in corpus + round_ if each.defect] == []
@@ -194,5 +202,6 @@ def test_the_schema_is_read(root: str) -> None:
     found = standard.standard(root)
     assert len(found.elements) > 250 and len(found.words) > 30
     assert root != "OpenSCENARIO" or found.elements["LanePosition"].attributes == {
-        "laneId": "String", "layer": "LaneLayerType", "offset": "Double", "roadId": "String", "s": "Double"
+        "laneId": "String", "layer": "LaneLayerType", "offset": "Double", "roadId": "String",
+        "s": "Double"
     }  # fmt: skip

@@ -1,4 +1,6 @@
-"""Files that are made to take time or memory: each is answered in seconds, with bounded memory, in one line."""
+"""Files that are made to take time or memory: each is answered in seconds, with
+bounded memory, in one line.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,8 @@ def changed(old: str, new: Callable[[], str]) -> Callable[[Path], Path]:
 def nurbs(folder: Path) -> Path:
     """3,000 control points, kilometres apart."""
     points = "".join(
-        f'<ControlPoint weight="1"><Position><WorldPosition x="{100 + i % 7 * 1000}" y="{i % 30 * 1000}"/></Position>'
+        f'<ControlPoint weight="1"><Position><WorldPosition x="{100 + i % 7 * 1000}" '
+        f'y="{i % 30 * 1000}"/></Position>'
         "</ControlPoint>"
         for i in range(3_000)
     )
@@ -62,9 +65,11 @@ def nurbs(folder: Path) -> Path:
         f'<Knot value="{value}"/>' for value in [0] * 3 + list(range(1, 2_998)) + [2_998] * 3
     )
     follow = (
-        '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="P" closed="false"><Shape>'
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory "
+        'name="P" closed="false"><Shape>'
         f'<Nurbs order="3">{points}{knots}</Nurbs></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>'
-        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+        "<TrajectoryFollowingMode "
+        'followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
     )
     return scenario(
         folder, "bad", stop=0.2, init=place("Ego", 100, 20, more=follow) + place("Lead", 150, 10)

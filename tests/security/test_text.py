@@ -1,4 +1,6 @@
-"""Names of files and in files are text to what shows them: no terminal, CI service, spreadsheet or viewer obeys them."""
+"""Names of files and in files are text to what shows them: no terminal, CI
+service, spreadsheet or viewer obeys them.
+"""
 
 from __future__ import annotations
 

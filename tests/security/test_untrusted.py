@@ -1,4 +1,6 @@
-"""`--untrusted` and the limits, for every command: what lies elsewhere, plug-ins, links, time, memory and runs."""
+"""`--untrusted` and the limits, for every command: what lies elsewhere,
+plug-ins, links, time, memory and runs.
+"""
 
 from __future__ import annotations
 
@@ -57,12 +59,14 @@ FUNCTIONS = (
     "schemas.xosc_check:xosc_check", "xosc.listing.xosc_list:xosc_list", "runner.xosc_run:xosc_run",
     "runner.exchange.xosc_export:xosc_export", "runner.view.xosc_replay:xosc_replay",
     "generation.xosc_generate:xosc_generate", "generation.loop.xosc_loop:xosc_loop",
-    "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
+    "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label",
+    "recognition.xosc_recognize:record",
     "recognition.trfe.training.command:train",
     "xosc_toolchain.xosc_explore:xosc_explore",
     *(
         f"xodr.formats.maps.xosc_road:{each}_command"
-        for each in ("convert", "compare", "info", "show", "cut", "place", "join", "repair", "drive")
+        for each in ("convert", "compare", "info", "show", "cut", "place", "join", "repair",
+            "drive")
     ),
 )  # fmt: skip
 """All commands, as functions"""
@@ -75,7 +79,8 @@ def contributed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (outside / "catalogs").mkdir(parents=True)
     (outside / "road.xodr").write_bytes((ROADS / "straight.xodr").read_bytes())
     (outside / "catalogs" / "one.xosc").write_text(
-        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="a" description="d"/>'
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" '
+        'author="a" description="d"/>'
         '<Catalog name="secret"/></OpenSCENARIO>'
     )
     folder = tmp_path / "contributed"
@@ -139,9 +144,11 @@ REFUSING = {
     "dry run": ("xosc-run", "scenario.xosc", "--dry-run"),
     "check": ("xosc-check", "scenario.xosc"),
     "export": ("xosc-export", "scenario.xosc", "--to", "1.3", "--out", "out"),
-    "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out", "--world", "kinematic"),
+    "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out",
+        "--world", "kinematic"),
     "generate": (
-        "xosc-generate", "scenario.xosc", "--out", "out", "--method", "draws", "--budget", "1", "--density", "uniform",
+        "xosc-generate", "scenario.xosc", "--out", "out", "--method", "draws", "--budget", "1",
+        "--density", "uniform",
         "--free", "Gap=20..70",
     ),
 }  # fmt: skip
@@ -184,7 +191,10 @@ def test_catalogues_outside_are_refused(
 ) -> None:
     (contributed / "link").symlink_to("../outside/catalogs")
     path = scenario(contributed, stop=0.2)
-    locations = f'<CatalogLocations><VehicleCatalog><Directory path="{directory}"/></VehicleCatalog></CatalogLocations>'
+    locations = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        f'path="{directory}"/></VehicleCatalog></CatalogLocations>'
+    )
     text = path.read_text().replace("<CatalogLocations/>", locations)
     assert directory in text
     path.write_text(text)
@@ -437,7 +447,9 @@ SLOW = {
     "xosc-run scenario.xosc --world kinematic": "runner.judging.execution.run",
     "xosc-run scenario.xosc --dry-run": "runner.judging.execution.prepare",
     "xosc-export scenario.xosc --to 1.3 --out out": "xosc.exports.standard.export",
-    "xosc-export scenario.xosc --to parquet --out out --world kinematic": "runner.judging.execution.run",
+    (
+        "xosc-export scenario.xosc --to parquet --out out --world kinematic"
+    ): "runner.judging.execution.run",
     "xosc-replay results/scenario": "runner.batch.outputs.folder.load_run",
     "xosc-recognize results --labels rules --out out": "recognition.recordings.Source.load",
     "xosc-recognize replay results --out out/a.xosc": "recognition.recordings.Source.load",

@@ -1,4 +1,6 @@
-"""No file of the working folder becomes code unless the user names its class; entry points are those of installed packages."""
+"""No file of the working folder becomes code unless the user names its class; entry points are
+those of installed packages.
+"""
 
 from __future__ import annotations
 
@@ -141,7 +143,9 @@ def test_no_command_executes_files_of_the_working_folder(trapped: Path, call: li
 
 
 def test_processes_that_are_started_anew_do_not_either(trapped: Path) -> None:
-    """Of `xosc-loop`: multiprocessing starts them by `python -c`, which has the working folder on its path."""
+    """Of `xosc-loop`: multiprocessing starts them by `python -c`, which has the
+    working folder on its path.
+    """
     program = trapped.parent / "program.py"
     program.write_text(
         "from schemas.common.packages import leave_working_folder_out\n"
@@ -174,7 +178,9 @@ def test_workers_of_a_ray_cluster_do_not_either(
 def test_python_m_leaves_the_folder_out_once_the_command_begins(
     trapped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before, Python itself imports from there: docs/security.md says to type the command, or `python -P -m`."""
+    """Before, Python itself imports from there: docs/security.md says to type
+    the command, or `python -P -m`.
+    """
     for first in ("", str(trapped), "."):
         monkeypatch.setattr(sys, "path", [first, *sys.path])
         leave_working_folder_out()
@@ -219,12 +225,16 @@ def test_packages_of_an_environment_in_the_working_folder_are_installed(
 
 
 def test_a_scenario_names_no_code(trapped: Path, command: Command) -> None:
-    """A controller's module, a user-defined action and a user-defined distribution: their names are of files beside it."""
+    """A controller's module, a user-defined action and a user-defined
+    distribution: their names are of files beside it.
+    """
     path = trapped / "scenario.xosc"
     text = path.read_text()
     controller = (
-        '<ObjectController><Controller name="sut:System"><Properties><Property name="module" value="sut"/>'
-        '<Property name="class" value="sut:System"/></Properties></Controller></ObjectController></ScenarioObject>'
+        '<ObjectController><Controller name="sut:System"><Properties><Property name="module" '
+        'value="sut"/>'
+        '<Property name="class" '
+        'value="sut:System"/></Properties></Controller></ObjectController></ScenarioObject>'
     )
     path.write_text(text.replace("</ScenarioObject>", controller, 1))
     answer = command("xosc-run", path, "--world", "kinematic")
@@ -252,7 +262,9 @@ def test_a_scenario_names_no_code(trapped: Path, command: Command) -> None:
 def own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> Iterator[str]:
-    """A system under test in the working folder, under a name of its own, with neighbours; and a trap."""
+    """A system under test in the working folder, under a name of its own, with
+    neighbours; and a trap.
+    """
     name = f"own_{abs(hash(request.node.name))}"
     files = {
         name: SYSTEM,
@@ -280,12 +292,15 @@ CALLS = {
     "run": ("xosc-run", "scenario.xosc", "--world", "kinematic"),
     "run in processes": ("xosc-run", "scenario.xosc", "--world", "kinematic", "--jobs", "2"),
     "dry run": ("xosc-run", "scenario.xosc", "--dry-run"),
-    "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out", "--world", "kinematic"),
+    "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out",
+        "--world", "kinematic"),
     "generate": (
-        "xosc-generate", str(SCENARIOS / "cut_in_highway.xosc"), "--out", "out", "--method", "draws", "--budget", "1",
+        "xosc-generate", str(SCENARIOS / "cut_in_highway.xosc"), "--out", "out", "--method",
+        "draws", "--budget", "1",
         "--density", "gaussian", "--jobs", "1", "--pin", "CutIn_Gap_m=100",
     ),
-    "loop": ("xosc-loop", "files", "--out", "out", "--labels", "rules", "--budget", "1", "--rounds", "1", "--jobs", "1",
+    "loop": ("xosc-loop", "files", "--out", "out", "--labels", "rules", "--budget", "1", "--rounds",
+        "1", "--jobs", "1",
              "--method", "draws"),
 }  # fmt: skip
 """All commands that take --sut"""

@@ -1,4 +1,6 @@
-"""The coverage page, the registries and the official XSD say the same, and each element has a conformance scenario."""
+"""The coverage page, the registries and the official XSD say the same, and each
+element has a conformance scenario.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +87,8 @@ def test_a_new_module_of_a_family_is_all_that_a_new_element_takes(
     package = tmp_path / "new_family"
     package.mkdir()
     (package / "__init__.py").write_text(
-        "from runner.engine.compile.registry import Registry\nfamily = Registry('action', __name__)\n",
+        "from runner.engine.compile.registry import Registry\nfamily = "
+        "Registry('action', __name__)\n",
         encoding="utf-8",
     )
     (package / "coast.py").write_text(

@@ -27,7 +27,8 @@ class Files:
         path = self.folder / f"{next(self.numbers)}.xodr"
         body = "\n".join(elements)
         path.write_text(
-            f'{root}\n<header revMajor="1" revMinor="6" name="test">{header}</header>\n{body}\n</OpenDRIVE>\n'
+            f'{root}\n<header revMajor="1" revMinor="6" '
+            f'name="test">{header}</header>\n{body}\n</OpenDRIVE>\n'
         )
         return path
 
@@ -48,7 +49,8 @@ class Files:
         geometry = geometry or Files.geometry("<line/>", length, start=start)
         lanes = lanes or Files.section(left=2, right=2)
         return (
-            f'<road id="{road_id}" length="{length!r}" junction="{junction}" rule="{rule}"><link>{link}</link>'
+            f'<road id="{road_id}" length="{length!r}" junction="{junction}" '
+            f'rule="{rule}"><link>{link}</link>'
             f"<planView>{geometry}</planView>{more}<lanes>{lanes}</lanes></road>"
         )
 
@@ -61,7 +63,10 @@ class Files:
     ) -> str:
         """A plan-view element."""
         x, y, h = start
-        return f'<geometry s="{s!r}" x="{x!r}" y="{y!r}" hdg="{h!r}" length="{length!r}">{shape}</geometry>'
+        return (
+            f'<geometry s="{s!r}" x="{x!r}" y="{y!r}" hdg="{h!r}" '
+            f'length="{length!r}">{shape}</geometry>'
+        )
 
     @staticmethod
     def section(
@@ -84,7 +89,8 @@ class Files:
         sides = {"left": range(left, 0, -1), "right": range(-1, -right - 1, -1)}
         text = {side: "".join(lane(lane_id) for lane_id in ids) for side, ids in sides.items()}
         return (
-            f'<laneSection s="{s!r}"><left>{text["left"]}</left><center><lane id="0" type="none"/></center>'
+            f'<laneSection s="{s!r}"><left>{text["left"]}</left><center><lane id="0" '
+            'type="none"/></center>'
             f"<right>{text['right']}</right></laneSection>"
         )
 
@@ -123,7 +129,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
 
 @pytest.fixture(scope="session")
 def two_ways(files: Files) -> RoadNetwork:
-    """Two ways from road 1 to road 4: over the short slow road 2 with a junction, or the long fast road 3 without one.
+    """Two ways from road 1 to road 4: over the short slow road 2 with a
+    junction, or the long fast road 3 without one.
 
     1 ──┬── 10 (in the junction, 10 m) ── 2 (90 m, 10 m/s) ──┬── 4
         └── 3 (300 m, 50 m/s, leaves the direct junction) ───┘
@@ -156,7 +163,8 @@ def two_ways(files: Files) -> RoadNetwork:
         ),
         files.road("4", lanes=one, link=files.to_junction("predecessor", "b")),
         files.road("5", lanes=one),
-        f'<junction id="a">{files.connection("1", "10")}{files.connection("1", "3", direct=True)}</junction>',
+        "<junction "
+        f'id="a">{files.connection("1", "10")}{files.connection("1", "3", direct=True)}</junction>',
         f'<junction id="b" type="direct">{files.connection("2", "4", direct=True)}'
         f"{files.connection('3', '4', direct=True)}</junction>",
     )

@@ -47,7 +47,9 @@ P, T = PERMANENT, TEMPORARY
 
 @pytest.fixture(scope="module")
 def works(files) -> RoadNetwork:
-    """One road of 300 m, 2 + 2 permanent lanes; from 100 m to 180 m two narrow temporary lanes on the right, moved 0.6 m."""
+    """One road of 300 m, 2 + 2 permanent lanes; from 100 m to 180 m two narrow
+    temporary lanes on the right, moved 0.6 m.
+    """
     usual = "".join(_lane(n, WIDE, f"{P} {n}", f"{P} {n}") for n in (2, 1))
     right = [
         "".join(_lane(n, WIDE, "", f"{P} {n},{T} {n}") for n in (-1, -2)),
@@ -180,7 +182,10 @@ def test_a_temporary_layer_goes_on_over_the_border_of_roads(files, declared: str
 def test_a_temporary_lane_against_the_usual_direction_hides_what_it_covers(files) -> None:
     """Contraflow: the right side gets a lane on the left carriageway."""
     usual = _section(0.0, _lane(-1, WIDE), _lane(2, WIDE) + _lane(1, WIDE))
-    moved = f'<laneOffset s="0" a="3.5" b="0" c="0" d="0"/>{_section(40, _lane(-1, WIDE) + _lane(-2, WIDE), length=30.0)}'
+    moved = (
+        '<laneOffset s="0" a="3.5" b="0" c="0" '
+        f'd="0"/>{_section(40, _lane(-1, WIDE) + _lane(-2, WIDE), length=30.0)}'
+    )
     network = files.load(files.road(lanes=f'{usual}</lanes><lanes layer="temporary">{moved}'))
     road = network.road("1")
     assert road.lane_ids(50.0) == (-2, -1, 2)
@@ -300,7 +305,9 @@ def test_nobody_drives_on_lanes_with_road_works(files) -> None:
 
 
 def test_links_of_the_other_layer_lead_to_the_lane_at_their_place(files) -> None:
-    """A direct junction that links temporary lanes only: road users on the permanent layer find the way, too."""
+    """A direct junction that links temporary lanes only: road users on the
+    permanent layer find the way, too.
+    """
     ahead, works = _one_way("", f"{P} {{0}}", WIDE), _one_way("", "", NARROW)
     link = '<laneLink from="-2" to="-1" fromLayer="temporary" toLayer="permanent"/>'
     network = files.load(
@@ -315,7 +322,8 @@ def test_links_of_the_other_layer_lead_to_the_lane_at_their_place(files) -> None
             start=(100.0, -3.0, 0.0),
             link=files.to_junction("predecessor", "9"),
         ),
-        f'<junction id="9" type="direct"><connection id="0" incomingRoad="1" linkedRoad="2" contactPoint="start">{link}'
+        '<junction id="9" type="direct"><connection id="0" incomingRoad="1" linkedRoad="2" '
+        f'contactPoint="start">{link}'
         "</connection></junction>",
     )
     for layer in (T, P):

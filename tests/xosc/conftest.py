@@ -31,7 +31,9 @@ Writer = Callable[..., Path]
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Writer:
-    """Write a scenario: `scenario(minor=3, parameters="<ParameterDeclaration …/>", storyboard=…)`."""
+    """Write a scenario:
+    `scenario(minor=3, parameters="<ParameterDeclaration …/>", storyboard=…)`.
+    """
 
     def write(name: str = "scenario.xosc", minor: int = 3, **parts: str) -> Path:
         path = tmp_path / name

@@ -1,4 +1,5 @@
-"""What scenario_runner's parser takes, in our words: a stand-in for tests where the parser itself is not at hand.
+"""What scenario_runner's parser takes, in our words: a stand-in for tests where
+the parser itself is not at hand.
 
 Facts of scenario_runner 0.9.16. `test_exports_carla.py` holds exports against the parser itself
 where there is one.
@@ -14,27 +15,31 @@ from lxml import etree
 from runner.judging.criteria.criterion import kinds
 
 _STORY = {
-    "TeleportAction", "SpeedAction", "LongitudinalDistanceAction", "LaneChangeAction", "LaneOffsetAction",
-    "LateralDistanceAction", "SynchronizeAction", "ActivateControllerAction", "ControllerAction", "FollowTrajectoryAction",
-    "EntityAction", "EnvironmentAction", "ParameterAction", "TrafficSignalStateAction", "TrafficSignalControllerAction",
+    "TeleportAction", "SpeedAction", "LongitudinalDistanceAction", "LaneChangeAction",
+    "LaneOffsetAction", "LateralDistanceAction", "SynchronizeAction", "ActivateControllerAction",
+    "ControllerAction", "FollowTrajectoryAction", "EntityAction", "EnvironmentAction",
+    "ParameterAction", "TrafficSignalStateAction", "TrafficSignalControllerAction",
 }  # fmt: skip
 _INIT = {
-    "TeleportAction", "SpeedAction", "ControllerAction", "LaneOffsetAction", "LateralDistanceAction", "FollowTrajectoryAction",
-    "EntityAction", "EnvironmentAction", "ParameterAction",
+    "TeleportAction", "SpeedAction", "ControllerAction", "LaneOffsetAction",
+    "LateralDistanceAction", "FollowTrajectoryAction", "EntityAction", "EnvironmentAction",
+    "ParameterAction",
 }  # fmt: skip
 _GROUPS = {
-    "Action", "PrivateAction", "GlobalAction", "LongitudinalAction", "LateralAction", "RoutingAction", "InfrastructureAction",
-    "TrafficSignalAction",
+    "Action", "PrivateAction", "GlobalAction", "LongitudinalAction", "LateralAction",
+    "RoutingAction", "InfrastructureAction", "TrafficSignalAction",
 }  # fmt: skip
 _CONDITIONS = {
-    "EndOfRoadCondition", "CollisionCondition", "OffroadCondition", "TimeHeadwayCondition", "TimeToCollisionCondition",
-    "AccelerationCondition", "StandStillCondition", "SpeedCondition", "RelativeSpeedCondition", "TraveledDistanceCondition",
-    "ReachPositionCondition", "DistanceCondition", "RelativeDistanceCondition", "ParameterCondition", "SimulationTimeCondition",
-    "TimeOfDayCondition", "StoryboardElementStateCondition", "TrafficSignalCondition", "TrafficSignalControllerCondition",
+    "EndOfRoadCondition", "CollisionCondition", "OffroadCondition", "TimeHeadwayCondition",
+    "TimeToCollisionCondition", "AccelerationCondition", "StandStillCondition", "SpeedCondition",
+    "RelativeSpeedCondition", "TraveledDistanceCondition", "ReachPositionCondition",
+    "DistanceCondition", "RelativeDistanceCondition", "ParameterCondition",
+    "SimulationTimeCondition", "TimeOfDayCondition", "StoryboardElementStateCondition",
+    "TrafficSignalCondition", "TrafficSignalControllerCondition",
 }  # fmt: skip
 _POSITIONS = {
-    "WorldPosition", "RelativeWorldPosition", "RelativeObjectPosition", "RelativeLanePosition", "RelativeRoadPosition",
-    "RoadPosition", "LanePosition",
+    "WorldPosition", "RelativeWorldPosition", "RelativeObjectPosition", "RelativeLanePosition",
+    "RelativeRoadPosition", "RoadPosition", "LanePosition",
 }  # fmt: skip
 _CRITERIA = "Storyboard/StopTrigger"
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
@@ -59,7 +64,9 @@ _NEEDS: dict[str, Callable[[etree._Element], bool]] = {
 
 
 def stops_at(root: etree._Element) -> list[str]:
-    """What it stops at in a scenario that is valid by the schema of 1.0; nothing where it reads all."""
+    """What it stops at in a scenario that is valid by the schema of 1.0; nothing
+    where it reads all.
+    """
     return [f"line {element.sourceline}: {element.tag}" for element in _stops(root)]
 
 

@@ -18,7 +18,8 @@ from unittest.mock import MagicMock
 
 sys.path.insert(0, sys.argv[1])
 for _name in ("", ".navigation", ".tools", ".tools.misc", *(
-    f".navigation.{each}" for each in ("global_route_planner", "basic_agent", "local_planner", "controller", "behavior_agent",
+    f".navigation.{each}" for each in ("global_route_planner", "basic_agent", "local_planner",
+        "controller", "behavior_agent",
                                        "constant_velocity_agent")
 )):  # fmt: skip
     sys.modules[f"agents{_name}"] = (

@@ -157,7 +157,10 @@ def test_entries_may_refer_to_further_entries(scenario, catalog):
 
 
 def truck(name, trailer):
-    return f'<Vehicle name="{name}"><Trailer><Trailer name="t">{reference("Cars", trailer)}</Trailer></Trailer></Vehicle>'
+    return (
+        f'<Vehicle name="{name}"><Trailer><Trailer '
+        f'name="t">{reference("Cars", trailer)}</Trailer></Trailer></Vehicle>'
+    )
 
 
 def test_entries_that_refer_to_each_other_in_a_circle_are_refused(scenario, catalog):

@@ -1,4 +1,6 @@
-"""Parameter value distributions: order, numbers, constraints, draws, refusals, and reading back what was written."""
+"""Parameter value distributions: order, numbers, constraints, draws, refusals,
+and reading back what was written.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,10 @@ SCENARIO = f"""<OpenSCENARIO>{HEADER}
 
 
 def single(name: str, content: str) -> str:
-    return f'<DeterministicSingleParameterDistribution parameterName="{name}">{content}</DeterministicSingleParameterDistribution>'
+    return (
+        "<DeterministicSingleParameterDistribution "
+        f'parameterName="{name}">{content}</DeterministicSingleParameterDistribution>'
+    )
 
 
 def values(*texts: str) -> str:
@@ -74,7 +79,10 @@ def values(*texts: str) -> str:
 
 
 def steps(lower: str, upper: str, step: str) -> str:
-    return f'<DistributionRange stepWidth="{step}"><Range lowerLimit="{lower}" upperLimit="{upper}"/></DistributionRange>'
+    return (
+        f'<DistributionRange stepWidth="{step}"><Range lowerLimit="{lower}" '
+        f'upperLimit="{upper}"/></DistributionRange>'
+    )
 
 
 def drawn(name: str, content: str) -> str:
@@ -93,7 +101,8 @@ def written(tmp_path: Path):
     def write(definition: str, scenario: str = "scenario.xosc") -> Path:
         path = tmp_path / "variation.xosc"
         path.write_text(
-            f'<OpenSCENARIO>{HEADER}\n<ParameterValueDistribution><ScenarioFile filepath="{scenario}"/>\n'
+            f"<OpenSCENARIO>{HEADER}\n<ParameterValueDistribution><ScenarioFile "
+            f'filepath="{scenario}"/>\n'
             f"{definition}\n</ParameterValueDistribution></OpenSCENARIO>"
         )
         return path
@@ -588,12 +597,18 @@ def test_malformed_deterministic_distributions_are_refused_with_their_line(
             "must be a finite number",
         ),
         (
-            f'<LogNormalDistribution expectedValue="1" variance="1">{RANGE.format(-2, -1)}</LogNormalDistribution>',
+            (
+                '<LogNormalDistribution expectedValue="1" '
+                f'variance="1">{RANGE.format(-2, -1)}</LogNormalDistribution>'
+            ),
             "holds no prob",
         ),
         ('<PoissonDistribution expectedValue="-1"/>', "between 0 and 1e9"),
         (
-            f'<PoissonDistribution expectedValue="1">{RANGE.format(0.2, 0.8)}</PoissonDistribution>',
+            (
+                "<PoissonDistribution "
+                f'expectedValue="1">{RANGE.format(0.2, 0.8)}</PoissonDistribution>'
+            ),
             "holds no probability",
         ),
         ("<UniformDistribution/>", "Range is missing"),
@@ -603,11 +618,17 @@ def test_malformed_deterministic_distributions_are_refused_with_their_line(
             "weight=-1 must not be negative",
         ),
         (
-            '<ProbabilityDistributionSet><Element value="1" weight="0"/></ProbabilityDistributionSet>',
+            (
+                '<ProbabilityDistributionSet><Element value="1" '
+                'weight="0"/></ProbabilityDistributionSet>'
+            ),
             "at least one weight",
         ),
         (
-            '<ProbabilityDistributionSet><Element value="1" weight="INF"/></ProbabilityDistributionSet>',
+            (
+                '<ProbabilityDistributionSet><Element value="1" '
+                'weight="INF"/></ProbabilityDistributionSet>'
+            ),
             "finite",
         ),
         ("<Nonsense/>", "Nonsense: not a stochastic distribution"),

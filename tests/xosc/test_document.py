@@ -95,7 +95,8 @@ def test_writing_gives_the_same_bytes_without_our_attributes(scenario, catalog, 
     catalog("cars/cars.xosc", '<Vehicle name="car"/>', name="Cars")
     path = scenario(
         locations='<VehicleCatalog><Directory path="cars"/></VehicleCatalog>',
-        entities='<ScenarioObject name="Ägo"><CatalogReference catalogName="Cars" entryName="car"/></ScenarioObject>',
+        entities='<ScenarioObject name="Ägo"><CatalogReference catalogName="Cars" '
+        'entryName="car"/></ScenarioObject>',
     )
     resolved = xosc.resolve(xosc.load(path))
     first, second = tmp_path / "first.xosc", tmp_path / "second.xosc"

@@ -1,4 +1,6 @@
-"""Exports of documents: what is taken along, what is changed, what is refused, and that nothing is overwritten."""
+"""Exports of documents: what is taken along, what is changed, what is refused,
+and that nothing is overwritten.
+"""
 
 from __future__ import annotations
 
@@ -125,15 +127,24 @@ def with_catalogued_lead(
     vehicle = re.search("<Vehicle.*</Vehicle>", car("Lead"), re.DOTALL)
     assert vehicle is not None
     (folder / "catalogs").mkdir()
-    header = f'<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" author="t" description="t"/>'
+    header = (
+        f'<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" author="t" '
+        'description="t"/>'
+    )
     entry = vehicle[0].replace('length="5"', f'length="{length}"')
     if minor < 3:  # until 1.3 a vehicle has Properties
         entry = entry.replace("</Axles>", "</Axles><Properties/>")
     text = f'<OpenSCENARIO>{header}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>'
     (folder / "catalogs" / "cars.xosc").write_text(text)
-    lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="cars" entryName="car"/></ScenarioObject>'
+    lead = (
+        '<ScenarioObject name="Lead"><CatalogReference catalogName="cars" '
+        'entryName="car"/></ScenarioObject>'
+    )
     path = scenario(folder, entities=[car("Ego"), lead], stories=stories)
-    located = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    located = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    )
     path.write_text(path.read_text().replace("<CatalogLocations/>", located))
     return path
 
@@ -190,8 +201,10 @@ def test_what_old_versions_leave_open_is_said_in_new_ones_and_left_out_again(
 
 def test_total_accelerations_cannot_be_said_before_1_2(tmp_path: Path) -> None:
     by_entity = (
-        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
-        '<EntityCondition><AccelerationCondition value="1" rule="greaterThan"/></EntityCondition></ByEntityCondition>'
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/></TriggeringEntities>'
+        '<EntityCondition><AccelerationCondition value="1" '
+        'rule="greaterThan"/></EntityCondition></ByEntityCondition>'
     )
     path = scenario(tmp_path, stories=BRAKES)
     timed = re.compile("<ByValueCondition>.*?</ByValueCondition>")
@@ -361,7 +374,10 @@ def test_carla_gets_a_later_time_for_a_delay(tmp_path: Path) -> None:
             "distance",
         ),
         (
-            '<PrivateAction><VisibilityAction graphics="true" sensors="true" traffic="true"/></PrivateAction>',
+            (
+                '<PrivateAction><VisibilityAction graphics="true" sensors="true" '
+                'traffic="true"/></PrivateAction>'
+            ),
             "this action",
         ),
     ],
@@ -410,8 +426,10 @@ def test_esmini_is_told_what_it_does_not_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("action", "reason"),
     [
-        (speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2" followingMode="follow"'), "followingMode"),
-        ('<PrivateAction><LateralAction><LateralDistanceAction entityRef="Lead" freespace="true" continuous="true" '
+        (speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2" '
+                         'followingMode="follow"'), "followingMode"),
+        ('<PrivateAction><LateralAction><LateralDistanceAction entityRef="Lead" '
+         'freespace="true" continuous="true" '
          'displacement="any"/></LateralAction></PrivateAction>', "displacement"),
     ],
 )  # fmt: skip
@@ -424,20 +442,29 @@ def test_esmini_is_refused_by_name(action: str, reason: str, tmp_path: Path) -> 
 def test_a_catalogue_entry_is_refused_where_it_stands(tmp_path: Path) -> None:
     catalog = tmp_path / "catalogs" / "routes.xosc"
     catalog.parent.mkdir()
-    point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="{}"/></Position></Waypoint>'
+    point = (
+        '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" '
+        's="{}"/></Position></Waypoint>'
+    )
     catalog.write_text(
-        '<OpenSCENARIO>\n<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" description="t"/>\n'
-        f'<Catalog name="routes">\n<Route name="round" closed="true">{point.format(10)}{point.format(90)}</Route>\n'
+        '<OpenSCENARIO>\n<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" '
+        'author="t" description="t"/>\n'
+        '<Catalog name="routes">\n<Route name="round" '
+        f'closed="true">{point.format(10)}{point.format(90)}</Route>\n'
         "</Catalog></OpenSCENARIO>"
     )
     assign = (
-        '<PrivateAction><RoutingAction><AssignRouteAction><CatalogReference catalogName="routes" entryName="round"/>'
+        '<PrivateAction><RoutingAction><AssignRouteAction><CatalogReference catalogName="routes" '
+        'entryName="round"/>'
         "</AssignRouteAction></RoutingAction></PrivateAction>"
     )
     path = scenario(
         tmp_path, entities=[car("Ego"), car("Lead")], stories=story("Ego", [(0.5, assign)])
     )
-    located = '<CatalogLocations><RouteCatalog><Directory path="catalogs"/></RouteCatalog></CatalogLocations>'
+    located = (
+        "<CatalogLocations><RouteCatalog><Directory "
+        'path="catalogs"/></RouteCatalog></CatalogLocations>'
+    )
     path.write_text(path.read_text().replace("<CatalogLocations/>", located))
     with pytest.raises(Unsupported, match=r"routes\.xosc:4: Route: esmini's routes are open"):
         esmini.export(path, "esmini", Folder(tmp_path / "out"))

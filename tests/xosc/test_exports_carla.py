@@ -26,7 +26,9 @@ PYTHON, SOURCES = (
     os.environ.get("XOSC_CARLA_PYTHON", ""),
     os.environ.get("XOSC_SCENARIO_RUNNER", ""),
 )
-"""A Python that has `carla` (its wheel, no server) and what scenario_runner needs; the folder that has its `srunner`."""
+"""A Python that has `carla` (its wheel, no server) and what scenario_runner
+needs; the folder that has its `srunner`.
+"""
 
 
 def exported_library(folder: Folder) -> list[Path]:
@@ -48,7 +50,8 @@ def test_exports_hold_nothing_that_its_parser_stops_at(tmp_path: Path) -> None:
 
 STOPS = [
     ("<RoutingAction><AcquirePositionAction/></RoutingAction>", "AcquirePositionAction"),
-    ("<RoutingAction><FollowTrajectoryAction><Clothoid/></FollowTrajectoryAction></RoutingAction>", "FollowTrajectoryAction"),
+    ("<RoutingAction><FollowTrajectoryAction><Clothoid/></FollowTrajectoryAction></RoutingAction>",
+        "FollowTrajectoryAction"),
     ("<TeleportAction><Position><RoutePosition/></Position></TeleportAction>", "RoutePosition"),
     ("<ControllerAction><AssignControllerAction/></ControllerAction>", "ControllerAction"),
     ("<VisibilityAction/>", "VisibilityAction"),
@@ -57,7 +60,10 @@ STOPS = [
 
 @pytest.mark.parametrize(("action", "element"), STOPS)
 def test_the_stand_in_stops_where_the_parser_does(action: str, element: str) -> None:
-    xml = f"<OpenSCENARIO><FileHeader revMajor='1' revMinor='0'/><Storyboard><Story><Action><PrivateAction>{action}</PrivateAction>"
+    xml = (
+        "<OpenSCENARIO><FileHeader revMajor='1' "
+        f"revMinor='0'/><Storyboard><Story><Action><PrivateAction>{action}</PrivateAction>"
+    )
     root = etree.fromstring(f"{xml}</Action></Story></Storyboard></OpenSCENARIO>")
     assert element in {stop.rpartition(" ")[2] for stop in stops_at(root)}
 
@@ -66,7 +72,9 @@ DIALECT = Path(__file__).parents[1] / "conformance" / "carla" / "dialect.xosc"
 
 
 def export_changed(folder: Path, *changes: tuple[str, str]) -> etree._Element:
-    """The root of what is exported of the conformance scenario of CARLA's dialect with texts replaced."""
+    """The root of what is exported of the conformance scenario of CARLA's
+    dialect with texts replaced.
+    """
     carla.export(
         changed(DIALECT, folder, ('delay="1"', 'delay="0"'), *changes),
         "carla",
@@ -115,8 +123,13 @@ def test_offsets_are_written_to_the_right_of_the_traffic(
     ] == [offset]
 
 
-@pytest.mark.parametrize("values", ['RelativeLanePosition entityRef="hero" dLane="-1" ds="20" offset="0.5"',
-                                    'RelativeRoadPosition entityRef="hero" ds="20" dt="-1"'])  # fmt: skip
+@pytest.mark.parametrize(
+    "values",
+    [
+        ('RelativeLanePosition entityRef="hero" dLane="-1" ds="20" offset="0.5"'),
+        'RelativeRoadPosition entityRef="hero" ds="20" dt="-1"',
+    ],
+)
 def test_what_counts_to_the_right_stays_in_files_for_carla_and_is_refused_in_others(
     tmp_path: Path, values: str
 ) -> None:
@@ -171,8 +184,13 @@ ROAD = 'id="1" junction="-1"'
 JUNCTION = '<junction id="9" name="" type="direct"/></OpenDRIVE>'
 
 
-@pytest.mark.parametrize(("old", "new", "message"), [("</OpenDRIVE>", JUNCTION, "direct junctions"),
-                                                     (ROAD, 'id="main" junction="-1"', "ids of roads as numbers")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("</OpenDRIVE>", JUNCTION, "direct junctions"),
+        (ROAD, 'id="main" junction="-1"', "ids of roads as numbers"),
+    ],
+)
 def test_roads_that_carla_makes_no_map_of_are_refused(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:

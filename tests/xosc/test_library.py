@@ -1,4 +1,6 @@
-"""How the shipped library is laid out, named and tagged. That its files are valid and run: `tests/test_library.py`."""
+"""How the shipped library is laid out, named and tagged. That its files are
+valid and run: `tests/test_library.py`.
+"""
 
 from __future__ import annotations
 

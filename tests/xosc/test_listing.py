@@ -52,7 +52,9 @@ def tagged(path: Path, *tags: Tag) -> Path:
 
 @pytest.fixture
 def folder(scenario: Writer, catalog: Writer, tmp_path: Path) -> Path:
-    """A tagged scenario with variations in a folder of their own, one without anything, and a catalogue."""
+    """A tagged scenario with variations in a folder of their own, one without
+    anything, and a catalogue.
+    """
     road = '<LogicFile filepath="../roads/straight.xodr"/>'
     tagged(
         scenario(parameters=PARAMETERS, road=road), Tag("Class", "cut in"), Tag("HumanPedestrian")

@@ -1,4 +1,6 @@
-"""Every element and attribute that is read by its name is one of the standard: a misspelt name would never be found."""
+"""Every element and attribute that is read by its name is one of the standard: a
+misspelt name would never be found.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ OTHERS = {
     "xosc/listing/__init__.py": {"duplicates"},
     "xosc/document/repairs/attributes.py": {"maxOccurs", "minOccurs", "ref", "use"},
 }
-"""Names that files read of mappings and XSDs: pedals, properties of CARLA's controllers, columns of an index, attributes"""
+"""Names that files read of mappings and XSDs: pedals, properties of CARLA's
+controllers, columns of an index, attributes
+"""
 
 
 class Standard(NamedTuple):
@@ -125,7 +129,9 @@ def test_what_executes_an_element_reads_what_the_element_has():
 
 
 def _leads(element: str, names: list[str], known: dict[str, set[str]]) -> bool:
-    """Whether an element has an attribute of that name, or a child that has a child …; alternatives count as steps, too."""
+    """Whether an element has an attribute of that name, or a child that has a
+    child …; alternatives count as steps, too.
+    """
     first, *rest = names
     if first not in known[element]:
         return False

@@ -1,4 +1,6 @@
-"""Typed builders: what they build is valid in the versions that can say it, and says what was asked for."""
+"""Typed builders: what they build is valid in the versions that can say it, and
+says what was asked for.
+"""
 
 from __future__ import annotations
 

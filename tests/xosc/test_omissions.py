@@ -1,4 +1,6 @@
-"""What exports to older versions leave out or say otherwise: each with a remark, the motion as before, refused where strict."""
+"""What exports to older versions leave out or say otherwise: each with a remark, the motion as
+before, refused where strict.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,10 @@ AHEAD = """<PrivateAction><RoutingAction><FollowTrajectoryAction>
     <Vertex><Position><WorldPosition x="300" y="-1"/></Position></Vertex>
     </Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>
     <TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>"""
-SET = '<GlobalAction><VariableAction variableRef="Phase"><SetAction value="2"/></VariableAction></GlobalAction>'
+SET = (
+    '<GlobalAction><VariableAction variableRef="Phase"><SetAction '
+    'value="2"/></VariableAction></GlobalAction>'
+)
 
 _ABSENT = ("never starts", "takes longer", "TrailerRef")
 NOT_HERE = {
@@ -53,48 +58,65 @@ NOT_HERE = {
 
 def condition(content: str) -> str:
     """A Trigger's content."""
-    return f'<ConditionGroup><Condition name="${{c}}" delay="0" conditionEdge="none">{content}</Condition></ConditionGroup>'
+    return (
+        f'<ConditionGroup><Condition name="${{c}}" delay="0" '
+        f'conditionEdge="none">{content}</Condition></ConditionGroup>'
+    )
 
 
 def entity_condition(content: str) -> str:
     """A Trigger's content: one of Lead."""
     return condition(
-        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Lead"/></TriggeringEntities>'
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Lead"/></TriggeringEntities>'
         f"<EntityCondition>{content}</EntityCondition></ByEntityCondition>"
     )
 
 
 def event(name: str, action: str, trigger: str) -> str:
     started = f"<StartTrigger>{trigger}</StartTrigger>"
-    return f'<Event name="{name}" priority="parallel"><Action name="{name}">{action}</Action>{started}</Event>'
+    return (
+        f'<Event name="{name}" priority="parallel"><Action '
+        f'name="{name}">{action}</Action>{started}</Event>'
+    )
 
 
 @pytest.fixture
 def recent(tmp_path: Path) -> Path:
-    """A scenario of 1.3 with everything that is left out before, where events depend on each other."""
+    """A scenario of 1.3 with everything that is left out before, where events
+    depend on each other.
+    """
     near = "".join(
         entity_condition(
-            f'<TimeHeadwayCondition entityRef="Ego" value="9" freespace="false" rule="lessThan" coordinateSystem="{system}" '
+            '<TimeHeadwayCondition entityRef="Ego" value="9" freespace="false" rule="lessThan" '
+            f'coordinateSystem="{system}" '
             'relativeDistanceType="longitudinal"/>'
         )
         for system in ("road", "entity")
     )
     near += entity_condition(
-        '<RelativeDistanceCondition entityRef="Ego" value="5" freespace="false" rule="lessThan" coordinateSystem="lane" '
+        '<RelativeDistanceCondition entityRef="Ego" value="5" freespace="false" rule="lessThan" '
+        'coordinateSystem="lane" '
         'relativeDistanceType="longitudinal"/>'
     )
     phase = condition(
-        '<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>'
+        '<ByValueCondition><VariableCondition variableRef="Phase" value="2" '
+        'rule="equalTo"/></ByValueCondition>'
     )
     events = event("set", SET, near) + event("drive", AHEAD, phase)
     stories = (
-        '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors selectTriggeringEntities="0">'
-        f'<EntityRef entityRef="Lead"/></Actors><Maneuver name="m">{events}</Maneuver></ManeuverGroup></Act></Story>'
+        '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors '
+        'selectTriggeringEntities="0">'
+        '<EntityRef entityRef="Lead"/></Actors><Maneuver '
+        f'name="m">{events}</Maneuver></ManeuverGroup></Act></Story>'
     )
     walker = place("Walker", 180, 0, -2)
     init = WEATHER + place("Ego", 100, 20, more=CONTROL) + place("Lead", 90, 25, -2) + walker
     path = scenario(tmp_path, entities=[VEHICLE, TOWING, WALKER], init=init, stories=stories)
-    variables = '<VariableDeclarations><VariableDeclaration name="Phase" variableType="int" value="1"/></VariableDeclarations>'
+    variables = (
+        '<VariableDeclarations><VariableDeclaration name="Phase" variableType="int" '
+        'value="1"/></VariableDeclarations>'
+    )
     path.write_text(
         path.read_text().replace("<CatalogLocations/>", f"{variables}<CatalogLocations/>")
     )
@@ -148,9 +170,9 @@ def test_transitions_that_keep_to_their_times_are_told(tmp_path: Path) -> None:
     path = scenario(tmp_path, stories=story("Lead", [(0.5, slowly)]))
     (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
     assert (
-        "SpeedActionDynamics: before 1.2 it takes longer where the vehicle's Performance asks for that"
-        in remark
-    )
+        "SpeedActionDynamics: before 1.2 it takes longer where the vehicle's "
+        "Performance asks for that"
+    ) in remark
     assert standard.export(path, "1.2", Folder(tmp_path / "new")) == []
 
 
@@ -173,25 +195,39 @@ def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:
 def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothing(
     version: str, tmp_path: Path
 ) -> None:
-    """As in a catalogue that many projects copy: of 1.1, with a hitch and a trailer that a parameter may name."""
+    """As in a catalogue that many projects copy: of 1.1, with a hitch and a
+    trailer that a parameter may name.
+    """
     vehicle = (
         car("")
         .partition(">")[2]
         .rpartition("</ScenarioObject>")[0]
         .replace("</Vehicle>", "<Properties/></Vehicle>")
     )
-    declared = '<ParameterDeclarations><ParameterDeclaration name="Towed" parameterType="string" value=""/></ParameterDeclarations>'
+    declared = (
+        '<ParameterDeclarations><ParameterDeclaration name="Towed" parameterType="string" '
+        'value=""/></ParameterDeclarations>'
+    )
     towing = '</Axles><TrailerHitch dx="-1"/><Trailer><EntityRef entityRef="$Towed"/></Trailer>'
     used = vehicle.replace("<BoundingBox>", f"{declared}<BoundingBox>").replace("</Axles>", towing)
     unused = vehicle.replace('name="car"', 'name="other" role="police"').replace(
         "</Axles>", "</Axles><Trailer/>"
     )
-    header = '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" description="" author=""/>'
+    header = (
+        '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" '
+        'description="" author=""/>'
+    )
     text = f'<OpenSCENARIO>{header}<Catalog name="Vehicles">{used}{unused}</Catalog></OpenSCENARIO>'
     (tmp_path / "vehicles.xosc").write_text(text, encoding="utf-8")
-    lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="Vehicles" entryName="car"/></ScenarioObject>'
+    lead = (
+        '<ScenarioObject name="Lead"><CatalogReference catalogName="Vehicles" '
+        'entryName="car"/></ScenarioObject>'
+    )
     path = scenario(tmp_path, entities=[car("Ego"), lead])
-    located = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
+    located = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="."/></VehicleCatalog></CatalogLocations>'
+    )
     path.write_text(
         path.read_text(encoding="utf-8").replace("<CatalogLocations/>", located), encoding="utf-8"
     )
@@ -217,7 +253,8 @@ def test_a_trailer_inside_its_tractor_keeps_what_couples_it(minor: str, tmp_path
     trailer = trailer.replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>')
     tractor = car("Lead").replace(
         "</Axles>",
-        f'</Axles><TrailerHitch dx="-1"/><Trailer><Trailer name="Box">{trailer}</Trailer></Trailer>',
+        '</Axles><TrailerHitch dx="-1"/><Trailer><Trailer '
+        f'name="Box">{trailer}</Trailer></Trailer>',
     )
     path = scenario(tmp_path, entities=[car("Ego"), tractor])
     path.write_text(

@@ -1,4 +1,6 @@
-"""Checking and loading give one verdict on the values of parameters and variables, and on catalogue references."""
+"""Checking and loading give one verdict on the values of parameters and
+variables, and on catalogue references.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,34 @@ from tests.xosc.conftest import SCENARIO
 ENTRY = "asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability"
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 CONSTRAINED = "xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints"
-ODD = ("", " ", "-5", "NaN", "nan", "1_000", "foo", "1e400", "2.0", "2.5", "0x1", "+7", "INF", "-INF", "True", "FALSE", "1",
-       "2024-05-31T12:00:00", "2024-05-31", "65536", "4294967296", " 3 ", "1e3", "٣", "$", "a$b")  # fmt: skip
+ODD = (
+    "",
+    " ",
+    "-5",
+    "NaN",
+    "nan",
+    "1_000",
+    "foo",
+    "1e400",
+    "2.0",
+    "2.5",
+    "0x1",
+    "+7",
+    "INF",
+    "-INF",
+    "True",
+    "FALSE",
+    "1",
+    "2024-05-31T12:00:00",
+    "2024-05-31",
+    "65536",
+    "4294967296",
+    " 3 ",
+    "1e3",
+    "٣",
+    "$",
+    "a$b",
+)
 
 _NUMBERS = count()
 texts = st.one_of(
@@ -33,7 +61,8 @@ texts = st.one_of(
 
 
 def verdict(path: Path, *rules: str) -> tuple[bool, bool]:
-    """Whether a check names a fault by one of these rules, and whether loading refuses the file when it is strict.
+    """Whether a check names a fault by one of these rules, and whether loading
+    refuses the file when it is strict.
 
     When it is not, it refuses or repairs what is named, and nothing else.
     """
@@ -94,8 +123,14 @@ def test_the_initial_value_of_a_variable(folder, kind, text):
 @example("boolean", "1", "equalTo", "true")
 @example("string", "abc", "lessThan", "abd")
 def test_the_constraint_of_a_parameter(folder, kind, text, rule, limit):
-    constraint = f'<ConstraintGroup><ValueConstraint rule="{rule}" value={quoteattr(limit)}/></ConstraintGroup>'
-    declaration = f'<ParameterDeclaration name="p" parameterType="{kind}" value={quoteattr(text)}>{constraint}</ParameterDeclaration>'
+    constraint = (
+        f'<ConstraintGroup><ValueConstraint rule="{rule}" '
+        f"value={quoteattr(limit)}/></ConstraintGroup>"
+    )
+    declaration = (
+        f'<ParameterDeclaration name="p" parameterType="{kind}" '
+        f"value={quoteattr(text)}>{constraint}</ParameterDeclaration>"
+    )
     named, refused = verdict(write(folder, parameters=declaration), TYPED, CONSTRAINED)
     assert named == refused
 
@@ -126,7 +161,8 @@ def test_an_entry_of_a_catalogue(scenario, catalog, case):
     locations, name, entry, found = CATALOGS[case]
     catalog(
         "vehicles/some.xosc",
-        '<Vehicle name="car"/><Vehicle name="twin"/><Vehicle name="twin" mass="7"/><Route name="route"/>'
+        '<Vehicle name="car"/><Vehicle name="twin"/><Vehicle name="twin" mass="7"/><Route '
+        'name="route"/>'
         '<Vehicle name="clone"/><Vehicle name="clone"/>',
         name="Cars",
     )

@@ -1,4 +1,6 @@
-"""Files that say one thing in other words: prefixes, arithmetic, values of roads, catalogues of one name."""
+"""Files that say one thing in other words: prefixes, arithmetic, values of
+roads, catalogues of one name.
+"""
 
 from __future__ import annotations
 
@@ -50,10 +52,12 @@ def test_a_file_of_openscenario_dsl_is_called_so(tmp_path: Path) -> None:
 
 def test_a_rule_and_a_direction_in_other_words_are_read() -> None:
     road = etree.fromstring(
-        '<OpenDRIVE><header revMajor="1" revMinor="8"/><road id="1" length="10" junction="-1" rule="left">'
+        '<OpenDRIVE><header revMajor="1" revMinor="8"/><road id="1" length="10" junction="-1" '
+        'rule="left">'
         '<planView><geometry s="0" x="0" y="0" hdg="0" length="10"><line/></geometry></planView>'
         '<lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>'
-        '<lane id="-1" type="driving" direction="backward"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>'
+        '<lane id="-1" type="driving" direction="backward"><width sOffset="0" a="3" b="0" c="0" '
+        'd="0"/></lane>'
         "</right></laneSection></lanes></road></OpenDRIVE>"
     )
     messages = [remark.message for remark in repair(road, "a.xodr")]
@@ -86,7 +90,10 @@ def test_an_entry_is_looked_for_in_every_catalogue_of_that_name(tmp_path: Path) 
         f'<ScenarioObject name="{name}">{reference}</ScenarioObject>' for name in ("Ego", "Lead")
     ]
     path = scenario(tmp_path, entities=entities, stop=0.1)
-    located = '<CatalogLocations><VehicleCatalog><Directory path="nowhere"/></VehicleCatalog></CatalogLocations>'
+    located = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="nowhere"/></VehicleCatalog></CatalogLocations>'
+    )
     path.write_text(path.read_text().replace("<CatalogLocations/>", located))
     options = {"sut": None, "world": "kinematic"}
     result = runner.run(path, catalog_path=tuple(map(str, folders[:2])), **options)

@@ -17,7 +17,10 @@ def parameter(name, value, kind="double", *groups):
     for group in groups:
         limits = [f'<ValueConstraint rule="{rule}" value="{limit}"/>' for rule, limit in group]
         constraints += f"<ConstraintGroup>{''.join(limits)}</ConstraintGroup>"
-    return f'<ParameterDeclaration name="{name}" parameterType="{kind}" value="{value}">{constraints}</ParameterDeclaration>'
+    return (
+        f'<ParameterDeclaration name="{name}" parameterType="{kind}" '
+        f'value="{value}">{constraints}</ParameterDeclaration>'
+    )
 
 
 def resolved(path, given=None, **options):
@@ -29,7 +32,8 @@ def test_references_and_expressions_become_literals(scenario):
         parameters=parameter("v", "60.0")
         + parameter("on", "true", "boolean")
         + parameter("n", "3", "integer"),
-        storyboard='<a speed="$v" ms="${$v / 3.6}" on="$on" off="${not $on}" lane="${$n - 1}" text="costs $v"/>',
+        storyboard='<a speed="$v" ms="${$v / 3.6}" on="$on" off="${not $on}" lane="${$n - 1}" '
+        'text="costs $v"/>',
     )
     attributes = dict(resolved(path).node.need("Storyboard", "a").element.attrib)
     assert float(attributes.pop("ms")) == pytest.approx(60 / 3.6)
@@ -166,7 +170,8 @@ def test_an_inner_declaration_hides_an_outer_one_inside_its_element_only(scenari
     inner = f"<ParameterDeclarations>{parameter('p', '2')}{parameter('q', '${$p + $r}')}</ParameterDeclarations>"
     path = scenario(
         parameters=parameter("p", "1") + parameter("r", "10"),
-        storyboard=f'<Story name="s"><Act name="$p"/><Act name="$q"/>{inner}</Story><Story name="t"><Act name="$p"/></Story>',
+        storyboard=f'<Story name="s"><Act name="$p"/><Act name="$q"/>{inner}</Story><Story name="t"><Act '
+        'name="$p"/></Story>',
     )
     first, second = resolved(path, {"r": 20}).node.need("Storyboard").children("Story")
     assert [act.get("name") for act in first.children("Act")] == ["2", "22"]

@@ -1,4 +1,6 @@
-"""Questions to the index of a catalogue: conditions, order, near-duplicates, similar scenarios, copies."""
+"""Questions to the index of a catalogue: conditions, order, near-duplicates,
+similar scenarios, copies.
+"""
 
 from __future__ import annotations
 
@@ -171,8 +173,9 @@ def test_copies_hold_all_that_the_scenarios_need_and_can_be_asked_again(
         "2",
     ]
     assert sorted(path.relative_to(out).as_posix() for path in out.rglob("*.*")) == [
-        "a/1.xosc", "a/catalogs/vehicles/VehicleCatalog.xosc", "b/3.xosc", "b/catalogs/vehicles/VehicleCatalog.xosc",
-        "index.csv", "index.json", "index.parquet", "roads/straight.xodr",
+        "a/1.xosc", "a/catalogs/vehicles/VehicleCatalog.xosc", "b/3.xosc",
+        "b/catalogs/vehicles/VehicleCatalog.xosc", "index.csv", "index.json", "index.parquet",
+        "roads/straight.xodr",
     ]  # fmt: skip
     again = command("xosc-list", out, "--where", "class = 'cut in'", "--format", "json")
     assert [row["file"] for row in json.loads(again.out)] == ["a/1.xosc"]

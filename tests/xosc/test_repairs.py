@@ -1,4 +1,6 @@
-"""What loading adds to documents where something is missing, and how it tells what is no repair's."""
+"""What loading adds to documents where something is missing, and how it tells
+what is no repair's.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,18 @@ from schemas import check
 from schemas.common.errors import InvalidFile
 from xosc.document import load, to_bytes
 
-HEADER = '<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" description="" author=""/>'
+HEADER = (
+    '<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" '
+    'description="" author=""/>'
+)
 STORYBOARD = (
     "<Storyboard>{init}{story}<StopTrigger/></Storyboard>",
-    '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors selectTriggeringEntities="false"/>'
-    '<Maneuver name="m"><Event name="e" priority="parallel"><Action name="x"><GlobalAction><ParameterAction parameterRef="p">'
-    '<SetAction value="1"/></ParameterAction></GlobalAction></Action><StartTrigger/></Event></Maneuver></ManeuverGroup>'
+    '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors '
+    'selectTriggeringEntities="false"/>'
+    '<Maneuver name="m"><Event name="e" priority="parallel"><Action '
+    'name="x"><GlobalAction><ParameterAction parameterRef="p">'
+    "<SetAction "
+    'value="1"/></ParameterAction></GlobalAction></Action><StartTrigger/></Event></Maneuver></ManeuverGroup>'
     "<StartTrigger/></Act></Story>",
 )
 
@@ -47,8 +55,14 @@ def test_a_whole_document_has_no_remark(write) -> None:
 
 
 def test_an_object_without_mass_and_category_has_some_that_change_nothing(write) -> None:
-    box = '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox>'
-    thing = f'<Entities><ScenarioObject name="o"><MiscObject name="m">{box}<Properties/></MiscObject></ScenarioObject></Entities>'
+    box = (
+        '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" '
+        'height="1"/></BoundingBox>'
+    )
+    thing = (
+        '<Entities><ScenarioObject name="o"><MiscObject '
+        f'name="m">{box}<Properties/></MiscObject></ScenarioObject></Entities>'
+    )
     path = write(*WHOLE[:2], thing, WHOLE[3])
     assert said(path) == [
         "5: the attribute 'mass' is missing; '0' is assumed",
@@ -113,14 +127,20 @@ def test_faults_of_one_kind_are_one_remark_on_the_first_of_them(write) -> None:
     init = '<Init><Actions/></Init>\n<Story name="t" x="1">'
     path = write(*WHOLE[:3], storyboard(init + story.partition(">")[2], story))
     assert said(path) == [
-        "7: the attribute 'x' is in no version of the standard; it is left out, NOT executed (and 1 more)"
+        (
+            "7: the attribute 'x' is in no version of the standard; it is left out, NOT executed "
+            "(and 1 more)"
+        )
     ]
 
 
 def test_what_is_no_repairs_is_told_and_stays(write) -> None:
     path = write('<CatalogLocations><Catalogue path="."/></CatalogLocations>', *WHOLE[1:])
     (remark,) = said(path)
-    unknown = "3: the element Catalogue is in no version of the standard here; it is NOT executed; did you mean "
+    unknown = (
+        "3: the element Catalogue is in no version of the standard here; it is NOT "
+        "executed; did you mean "
+    )
     assert remark.startswith(unknown)
     assert load(path).node.find("CatalogLocations", "Catalogue") is not None
     with pytest.raises(InvalidFile, match="valid_schema"):

@@ -32,7 +32,12 @@ def batch(folder: Path, *runs: tuple[str, str, float | None, dict[str, str]]) ->
         for name, state, ttc, parameters in runs
     ]
     types = {"parameters": TEXTS, "min_ttc": pa.float64(), "remarks": pa.list_(pa.string())}
-    schema = pa.schema([(name, types.get(name, pa.float64() if name == "end_time" else pa.string())) for name in rows[0]])  # fmt: skip
+    schema = pa.schema(
+        [
+            (name, types.get(name, pa.float64() if name == "end_time" else pa.string()))
+            for name in rows[0]
+        ]
+    )
     pq.write_table(pa.Table.from_pylist(rows, schema), folder / "runs.parquet")
     for name, *_ in runs:
         (folder / name).mkdir()
@@ -45,12 +50,18 @@ def batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Two batches, `a` and `b`, in the working folder."""
     monkeypatch.chdir(tmp_path)
     batch(tmp_path / "a", ("x", "failed", 0.5, {"Gap": "8"}), ("y", "passed", 2.0, {"Gap": "12"}))
-    batch(tmp_path / "b", ("x", "failed", 0.1, {"Gap": "5", "Kind": "van"}), ("z", "error", None, {"Gap": "9"}))  # fmt: skip
+    batch(
+        tmp_path / "b",
+        ("x", "failed", 0.1, {"Gap": "5", "Kind": "van"}),
+        ("z", "error", None, {"Gap": "9"}),
+    )
     return tmp_path
 
 
 def test_runs_are_chosen_ordered_and_joined(batches: Path, command: Command) -> None:
-    answer = command("xosc-list", "a", "b", "--where", "min_ttc < 1 and state = 'failed'", "--sort", "min_ttc")  # fmt: skip
+    answer = command(
+        "xosc-list", "a", "b", "--where", "min_ttc < 1 and state = 'failed'", "--sort", "min_ttc"
+    )
     assert answer == (
         0,
         "batch  name  state   end_time  min_ttc\n"
@@ -66,9 +77,22 @@ def test_a_batch_without_a_question_is_listed(batches: Path, command: Command) -
 
 
 def test_parameters_are_columns_of_numbers(batches: Path, command: Command) -> None:
-    found = command("xosc-list", "a", "b", "--where", "Gap > 8.5", "--columns", "name, Gap,Kind", "--format", "csv")  # fmt: skip
+    found = command(
+        "xosc-list",
+        "a",
+        "b",
+        "--where",
+        "Gap > 8.5",
+        "--columns",
+        "name, Gap,Kind",
+        "--format",
+        "csv",
+    )
     assert found.out == "name,Gap,Kind\ny,12.0,\nz,9.0,\n"
-    assert command("xosc-list", "b", "--where", "Kind is null", "--columns", "name").out == "name\nz\n1 run\n"  # fmt: skip
+    assert (
+        command("xosc-list", "b", "--where", "Kind is null", "--columns", "name").out
+        == "name\nz\n1 run\n"
+    )
 
 
 def test_a_run_is_a_row_of_its_batch(batches: Path, command: Command) -> None:
@@ -92,7 +116,12 @@ def test_parameters_of_two_kinds_are_texts(tmp_path: Path) -> None:
 
 
 def test_a_search_is_asked_too(tmp_path: Path, command: Command) -> None:
-    rows = {"part": ["sought", "drawn"], "Gap": [1.0, 2.0], "status": ["completed"] * 2, "collision": [True, False]}  # fmt: skip
+    rows = {
+        "part": ["sought", "drawn"],
+        "Gap": [1.0, 2.0],
+        "status": ["completed"] * 2,
+        "collision": [True, False],
+    }
     pq.write_table(pa.table(rows), tmp_path / "episodes.parquet")
     assert command("xosc-list", tmp_path, "--where", "collision").out.splitlines()[1:] == [
         "sought  completed  True",
@@ -103,10 +132,14 @@ def test_a_search_is_asked_too(tmp_path: Path, command: Command) -> None:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("a", "--where", "min_tcc < 1"), "position 1 (min_tcc): there is no such column; did you mean 'min_ttc'?"),
-        (("a", "--where", "state = 'x'; drop table runs"), "position 12 (; drop table): this is no part of a condition"),
-        (("a", "--where", "name in (select name from runs)"), "position 10 (select): there is no such column"),
-        (("a", "--where", "read_text('/etc/passwd') = 'x'"), "position 1 (read_text): there is no such column"),
+        (("a", "--where", "min_tcc < 1"), ("position 1 (min_tcc): there is no such column; "
+                                          "did you mean 'min_ttc'?")),
+        (("a", "--where", "state = 'x'; drop table runs"), ("position 12 (; drop table): this is "
+                                                           "no part of a condition")),
+        (("a", "--where", "name in (select name from runs)"), ("position 10 (select): "
+                                                              "there is no such column")),
+        (("a", "--where", "read_text('/etc/passwd') = 'x'"), ("position 1 (read_text): "
+                                                             "there is no such column")),
         (("a", "--where", "state"), "a comparison is expected"),
         (("a", "--sort", "ttc"), "--sort: there is no column 'ttc'"),
         (("a", "--columns", "nme"), "--columns: there is no column 'nme'; did you mean 'name'?"),

@@ -1,4 +1,6 @@
-"""Version conversion: what each rule changes, what is refused, and that nothing is lost on the way up and back."""
+"""Version conversion: what each rule changes, what is refused, and that nothing
+is lost on the way up and back.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,29 @@ from schemas.versions.registry import OPENSCENARIO, schema_for
 from xosc.writing.versions import RULES, convert
 
 VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3), (1, 4)]
-TRIGGER = '<{}><ConditionGroup><Condition name="c" delay="0" conditionEdge="none">{}</Condition></ConditionGroup></{}>'
+TRIGGER = (
+    '<{}><ConditionGroup><Condition name="c" delay="0" '
+    'conditionEdge="none">{}</Condition></ConditionGroup></{}>'
+)
 LATER = (
     '<ByValueCondition><SimulationTimeCondition value="1" rule="greaterThan"/></ByValueCondition>'
 )
 AT_ONCE = (
-    '<StartTrigger><ConditionGroup><Condition name="at once" delay="0" conditionEdge="none"><ByValueCondition>'
-    '<SimulationTimeCondition value="-1" rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup></StartTrigger>'
+    '<StartTrigger><ConditionGroup><Condition name="at once" delay="0" '
+    'conditionEdge="none"><ByValueCondition>'
+    '<SimulationTimeCondition value="-1" '
+    'rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup></StartTrigger>'
 )
 SPEED = (
     "<PrivateAction><LongitudinalAction><SpeedAction>"
     '<SpeedActionDynamics {} dynamicsShape="step" value="0" dynamicsDimension="time"/>'
-    '<SpeedActionTarget><AbsoluteTargetSpeed value="1"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>'
+    "<SpeedActionTarget><AbsoluteTargetSpeed "
+    'value="1"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>'
 )
-ASSIGN = '<AssignControllerAction><Controller name="c"><Properties/></Controller></AssignControllerAction>'
+ASSIGN = (
+    "<AssignControllerAction><Controller "
+    'name="c"><Properties/></Controller></AssignControllerAction>'
+)
 OVERRIDE = "<OverrideControllerValueAction>{}</OverrideControllerValueAction>".format(
     "".join(
         f'<{name} active="false" value="0"/>'
@@ -40,7 +51,10 @@ ACTIVATE = '<ActivateControllerAction lateral="true"/>'
 DELETE = (
     '<GlobalAction><EntityAction entityRef="E"><DeleteEntityAction/></EntityAction></GlobalAction>'
 )
-BOX = '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox>'
+BOX = (
+    '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" '
+    'height="1"/></BoundingBox>'
+)
 MISC = '<MiscObject name="m" miscObjectCategory="none" mass="1">{}</MiscObject>'
 
 
@@ -49,7 +63,10 @@ def trigger(condition: str = LATER, tag: str = "StartTrigger") -> str:
 
 
 def entity_condition(condition: str) -> str:
-    entities = '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="E"/></TriggeringEntities>'
+    entities = (
+        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="E"/></TriggeringEntities>'
+    )
     return trigger(
         f"<ByEntityCondition>{entities}<EntityCondition>{condition}</EntityCondition></ByEntityCondition>"
     )
@@ -83,7 +100,8 @@ def scenario(
 ) -> str:
     actions = f'<Private entityRef="E">{init}</Private>' if init else ""
     return (
-        f'<OpenSCENARIO><FileHeader revMajor="1" revMinor="{version[1]}" date="2024-01-01T00:00:00" description="" author="">'
+        f'<OpenSCENARIO><FileHeader revMajor="1" revMinor="{version[1]}" '
+        'date="2024-01-01T00:00:00" description="" author="">'
         f"{header}</FileHeader>\n<ParameterDeclarations>{parameters}</ParameterDeclarations><CatalogLocations/>"
         f"<RoadNetwork>{road}</RoadNetwork><Entities>{entities}</Entities>"
         f"<Storyboard><Init><Actions>{actions}</Actions></Init>{story(content or event(), act)}{stop}</Storyboard></OpenSCENARIO>"
@@ -111,12 +129,16 @@ def condition_of(tag: str, attributes: str) -> str:
     inner = (
         '<Position><WorldPosition x="0" y="0"/></Position>' if tag == "DistanceCondition" else ""
     )
-    target = '<TimeToCollisionConditionTarget><EntityRef entityRef="E"/></TimeToCollisionConditionTarget>'
+    target = (
+        "<TimeToCollisionConditionTarget><EntityRef "
+        'entityRef="E"/></TimeToCollisionConditionTarget>'
+    )
     inner = target if tag == "TimeToCollisionCondition" else inner
     entity = "" if inner else 'entityRef="E"'
     return event(
         start=entity_condition(
-            f'<{tag} {entity} value="1" freespace="true" rule="lessThan" {attributes}>{inner}</{tag}>'
+            f'<{tag} {entity} value="1" freespace="true" rule="lessThan" '
+            f"{attributes}>{inner}</{tag}>"
         )
     )
 
@@ -144,7 +166,10 @@ def acceleration(attributes: str = "") -> dict[str, str]:
 
 
 def lateral(attributes: str) -> str:
-    inside = f'<LateralAction><LateralDistanceAction entityRef="E" freespace="true" continuous="false" {attributes}/></LateralAction>'
+    inside = (
+        '<LateralAction><LateralDistanceAction entityRef="E" freespace="true" continuous="false" '
+        f"{attributes}/></LateralAction>"
+    )
     return event(action(f"<PrivateAction>{inside}</PrivateAction>"))
 
 
@@ -165,7 +190,10 @@ def controller(*actions: str) -> str:
 def phase(tag: str) -> str:
     state = f'<{tag} state="go"/>'
     phases = f'<Phase name="p" duration="1">{state}</Phase>'
-    return f'<TrafficSignals><TrafficSignalController name="c">{phases}</TrafficSignalController></TrafficSignals>'
+    return (
+        "<TrafficSignals><TrafficSignalController "
+        f'name="c">{phases}</TrafficSignalController></TrafficSignals>'
+    )
 
 
 def declared(kind: str) -> str:
@@ -434,8 +462,10 @@ def test_categories_and_roles_have_their_new_names_in_1_4_and_their_old_ones_bef
     tmp_path: Path,
 ) -> None:
     vehicle = (
-        '<ScenarioObject name="{0}"><Vehicle name="v" vehicleCategory="{0}" role="{1}"><BoundingBox><Center x="0" y="0" z="0"/>'
-        '<Dimensions width="1" length="1" height="1"/></BoundingBox><Performance maxSpeed="1" maxAcceleration="1" '
+        '<ScenarioObject name="{0}"><Vehicle name="v" vehicleCategory="{0}" '
+        'role="{1}"><BoundingBox><Center x="0" y="0" z="0"/>'
+        '<Dimensions width="1" length="1" height="1"/></BoundingBox><Performance maxSpeed="1" '
+        'maxAcceleration="1" '
         'maxDeceleration="1"/><Axles>'
         '<FrontAxle maxSteering="0" wheelDiameter="1" trackWidth="1" positionX="1" positionZ="0"/>'
         '<RearAxle maxSteering="0" wheelDiameter="1" trackWidth="1" positionX="0" positionZ="0"/>'

@@ -1,4 +1,6 @@
-"""The server of `xosc explore`: refusals, pages, films, maps, borders, saved files; its pages in Chromium."""
+"""The server of `xosc explore`: refusals, pages, films, maps, borders, saved
+files; its pages in Chromium.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ class Served:
 
     def post(self, path: str, values: Any = None, **headers: str) -> tuple[int, Any]:
         sent = {"Content-Type": "application/json", **headers}
-        status, text = self.ask("POST", f"/{self.server.token}/{path}", json.dumps(values or {}), sent)  # fmt: skip
+        status, text = self.ask(
+            "POST", f"/{self.server.token}/{path}", json.dumps(values or {}), sent
+        )
         lines = [json.loads(line) for line in text.splitlines()] if text[:1] == "{" else text
         return status, lines[0] if len(lines) == 1 else lines
 
@@ -123,14 +127,17 @@ def test_bodies_are_short_json_objects(served: Served) -> None:
         ("film", {"parameters": {}, "systems": ["os:system"]}, "not offered"),
         ("film", {"parameters": {}, "systems": ["a.py:A"]}, "not offered"),
         ("film", {"row": "7", "parameters": {}, "systems": ["adas"]}, "no row"),
-        ("map", {"parameters": {}, "system": "adas", "x": "CutIn_Gap_m", "y": "CutIn_Gap_m"}, "two different"),
-        ("map", {"parameters": {}, "system": "adas", "x": "CutIn_Gap_m", "y": "Ego_Speed_mps", "columns": 1000, "rows": 2}, "25 columns"),
+        ("map", {"parameters": {}, "system": "adas", "x": "CutIn_Gap_m", "y": "CutIn_Gap_m"},
+            "two different"),
+        ("map", {"parameters": {}, "system": "adas", "x": "CutIn_Gap_m", "y": "Ego_Speed_mps",
+            "columns": 1000, "rows": 2}, "25 columns"),
         ("border", {"parameters": {}, "system": "adas", "parameter": "Gap"}, "no parameter"),
         ("rows", {"where": "state = 'failed'"}, "folders"),
         ("save", {"parameters": {}, "name": "../out", "kind": "scenario"}, "no name"),
         ("save", {"parameters": {}, "name": "", "kind": "scenario"}, "no name"),
         ("save", {"parameters": {}, "name": "v", "kind": "variation"}, "map"),
-        ("save", {"parameters": {}, "name": "v", "kind": "variation", "varied": {"CutIn_Gap_m": "7"}}, "values of CutIn_Gap_m"),
+        ("save", {"parameters": {}, "name": "v", "kind": "variation",
+            "varied": {"CutIn_Gap_m": "7"}}, "values of CutIn_Gap_m"),
     ],
 )  # fmt: skip
 def test_requests_that_make_no_sense_say_why(
@@ -147,7 +154,10 @@ def test_a_point_is_saved_as_a_scenario_that_plays_and_a_map_as_a_variation(
     status, answer = served.post("save", {"parameters": point, "name": "mine", "kind": "scenario"})
     assert status == 200
     result = run(answer["files"][0], SETTINGS)
-    assert result.recording.network is not None and 'value="12"' in Path(answer["files"][0]).read_text()  # fmt: skip
+    assert (
+        result.recording.network is not None
+        and 'value="12"' in Path(answer["files"][0]).read_text()
+    )
     again = served.post("save", {"parameters": point, "name": "mine", "kind": "scenario"})
     assert again[0] == 422 and "already" in again[1]["error"]
     varied = {"CutIn_Gap_m": ["5", "9"], "Ego_Speed_mps": ["20", "22", "24"]}
@@ -227,7 +237,8 @@ def test_a_batch_is_listed_asked_and_its_runs_are_explored(shelf: Served) -> Non
 def test_pages_of_a_folder_are_served_without_rights_and_nothing_else_is(shelf: Served) -> None:
     assert shelf.get("page/report.html")[0] == 200
     assert "sandbox" in shelf.headers["Content-Security-Policy"]
-    for path in ("page/../secret.html", "page/%2e%2e/secret.html", "page/leads_out.html", "page//etc/passwd",
+    for path in ("page/../secret.html", "page/%2e%2e/secret.html", "page/leads_out.html",
+        "page//etc/passwd",
                  "page/journal.jsonl", "page/", "page/nothing.html", "page/%00.html"):  # fmt: skip
         status, text = shelf.get(path)
         assert status == 404 and "secret" not in text
@@ -272,16 +283,32 @@ def test_films_maps_and_borders(served: Served) -> None:
     asked = {"parameters": {"CutIn_Gap_m": "6"}, "systems": ["adas", "cas"], "ground": ""}
     status, answer = served.post("film", asked)
     assert status == 200 and [each["sut"] for each in answer["scene"]["runs"]] == ["adas", "cas"]
-    assert "violates" in served.post("film", {"parameters": {"CutIn_Gap_m": "-5"}, "systems": ["adas"]})[1]["error"]  # fmt: skip
-    grid = {"parameters": {}, "system": "cas", "x": "CutIn_Gap_m", "y": "Ego_Speed_mps", "columns": 3, "rows": 2}  # fmt: skip
+    assert (
+        "violates"
+        in served.post("film", {"parameters": {"CutIn_Gap_m": "-5"}, "systems": ["adas"]})[1][
+            "error"
+        ]
+    )
+    grid = {
+        "parameters": {},
+        "system": "cas",
+        "x": "CutIn_Gap_m",
+        "y": "Ego_Speed_mps",
+        "columns": 3,
+        "rows": 2,
+    }
     status, lines = served.post("map", grid)
     assert status == 200 and lines[-1] == {"done": True} and len(lines[0]["x"]) == 3
-    assert sorted(tuple(line["cell"]) for line in lines[1:-1]) == [(i, j) for i in range(3) for j in range(2)]  # fmt: skip
+    assert sorted(tuple(line["cell"]) for line in lines[1:-1]) == [
+        (i, j) for i in range(3) for j in range(2)
+    ]
     direct = {"CutIn_Gap_m": lines[0]["x"][0], "Ego_Speed_mps": lines[0]["y"][1]}
     settings = RunSettings(sut="cas", world="kinematic", max_time=8.0)
     (state,) = (line["state"] for line in lines[1:-1] if line["cell"] == [0, 1])
     assert state == run(LIBRARY / "simple_cut_in.xosc", settings, parameters=direct).verdict.outcome
-    status, answer = served.post("border", {"parameters": {}, "system": "cas", "parameter": "Ego_Speed_mps"})  # fmt: skip
+    status, answer = served.post(
+        "border", {"parameters": {}, "system": "cas", "parameter": "Ego_Speed_mps"}
+    )
     assert status == 200 and len(answer["points"]) > 8
 
 
@@ -313,7 +340,8 @@ def test_the_page_plays_maps_and_saves_by_keyboard_and_on_a_phone(
         click(browser, "Draw the map")
         wait(
             browser,
-            "document.querySelectorAll('.cells :is(.passed, .failed, .inconclusive, .error)').length === 117",
+            "document.querySelectorAll('.cells :is(.passed, .failed, .inconclusive, "
+            ".error)').length === 117",
         )
         browser.run("document.querySelector('.cells .here').focus()")
         browser.press("ArrowUp")
@@ -321,7 +349,9 @@ def test_the_page_plays_maps_and_saves_by_keyboard_and_on_a_phone(
         told = browser.run("document.activeElement.getAttribute('aria-label')")
         browser.run("document.activeElement.click()")
         wait(browser, "document.activeElement.classList.contains('here')")
-        assert told.split(" ")[1].rstrip(",") == browser.run("document.querySelector('.knob input[type=text]').value")  # fmt: skip
+        assert told.split(" ")[1].rstrip(",") == browser.run(
+            "document.querySelector('.knob input[type=text]').value"
+        )
         browser.run("document.querySelector('#save-name').value = 'from_page'")
         click(browser, "Scenario")
         wait(browser, "document.querySelector('.saved').textContent.includes('from_page.xosc')")
@@ -359,7 +389,10 @@ def wait(browser: Browser, condition: str) -> None:
 
 
 def click(browser: Browser, text: str) -> None:
-    browser.run(f"[...document.querySelectorAll('button')].find(each => each.textContent === {json.dumps(text)}).click()")  # fmt: skip
+    browser.run(
+        "[...document.querySelectorAll('button')].find(each => each.textContent === "
+        f"{json.dumps(text)}).click()"
+    )
 
 
 def choose(browser: Browser, label: str, value: str) -> None:

@@ -46,7 +46,10 @@ def test_misspelt_names_get_a_suggestion(arguments: tuple[str, ...], command: Co
     name, *options = arguments
     answer = command(name, "highway_lead_brak", *options)
     assert answer.code == 3
-    assert f"highway_lead_brak: neither a file nor the name of a shipped scenario; did you mean '{NAME}'?" in answer.err  # fmt: skip
+    assert (
+        "highway_lead_brak: neither a file nor the name of a shipped scenario; "
+        f"did you mean '{NAME}'?"
+    ) in answer.err
 
 
 def test_a_file_of_the_folder_comes_first_with_a_remark(folder: Path, command: Command) -> None:
@@ -75,7 +78,8 @@ def test_copies_of_shipped_scenarios_run(folder: Path, command: Command) -> None
     ("text", "code", "told"),
     [
         ((LIBRARY / f"{NAME}.xosc").read_text(), 1, "stdin.xosc:"),
-        ((ROOT / "xodr/library/highway_straight.xodr").read_text(), 0, "1 file checked, 1 accepted"),
+        ((ROOT / "xodr/library/highway_straight.xodr").read_text(), 0,
+            "1 file checked, 1 accepted"),
         ("", 1, "stdin.xosc:1: error"),
         ("no xml", 1, "stdin.xosc:1: error: not well-formed"),
     ],
@@ -99,7 +103,9 @@ def test_a_pipe_is_no_file_to_play(command: Command, monkeypatch: pytest.MonkeyP
     assert "standard input is none" in command("xosc-check", "-", "--triage").err
 
 
-def test_a_new_project_runs_where_it_is(folder: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+def test_a_new_project_runs_where_it_is(
+    folder: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert command("xosc", "new", "project", "mine").code == 0
     monkeypatch.chdir(folder / "mine")
     assert command("xosc-check", ".").out.startswith("4 files checked, 4 accepted")
@@ -117,7 +123,10 @@ def test_new_scenarios_begin_as_shipped_ones(folder: Path, command: Command) -> 
     assert sum(1 for _ in xt.variations("sets.xosc")) == 8
     assert command("xosc", "new", "scenario", "mine").code == 2
     assert command("xosc", "new", "scenario", "../mine").code == 2
-    assert "did you mean 'cut_in_highway'?" in command("xosc", "new", "scenario", "x", "--like", "cut_in_higway").err  # fmt: skip
+    assert (
+        "did you mean 'cut_in_highway'?"
+        in command("xosc", "new", "scenario", "x", "--like", "cut_in_higway").err
+    )
 
 
 def test_commands_take_the_name_of_a_shipped_road(folder: Path, command: Command) -> None:

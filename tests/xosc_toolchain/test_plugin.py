@@ -1,4 +1,6 @@
-"""Packages that extend the toolchain: the template of each kind, installed in a folder of its own, works by entry points."""
+"""Packages that extend the toolchain: the template of each kind, installed in a
+folder of its own, works by entry points.
+"""
 
 from __future__ import annotations
 

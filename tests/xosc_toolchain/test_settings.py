@@ -1,4 +1,6 @@
-"""One file has the settings of a project: found upwards, read by all commands, behind the command line."""
+"""One file has the settings of a project: found upwards, read by all commands,
+behind the command line.
+"""
 
 from __future__ import annotations
 
@@ -69,8 +71,10 @@ def test_a_project_without_settings_has_the_defaults(project: Path) -> None:
     ("text", "complaint"),
     [
         ('sutt = "adas"', "xosc.toml:1: sutt: there is no such setting; did you mean 'sut'?"),
-        ("\nfail_if = []", "xosc.toml:2: fail_if: there is no such setting; did you mean 'fail-if'?"),
-        ('out = "x"', "xosc.toml:1: out: this is an option of single commands: it stands in a table"),
+        ("\nfail_if = []", ("xosc.toml:2: fail_if: there is no such setting; "
+                           "did you mean 'fail-if'?")),
+        ('out = "x"', ("xosc.toml:1: out: this is an option of single commands: "
+                      "it stands in a table")),
         ("[runn]", "xosc.toml:1: runn: there is no such command; did you mean 'run'?"),
         ("[run]\nouut = 1", "xosc.toml:2: ouut: run has no such option; did you mean 'out'?"),
         ("jobs = true", "xosc.toml:1: jobs: a whole number is expected, not true"),
@@ -140,7 +144,8 @@ def test_paths_are_relative_to_the_file(project: Path, monkeypatch: pytest.Monke
 
 def test_python_has_the_settings_too(project: Path) -> None:
     (project / "xosc.toml").write_text(
-        'sut = "none"\ntimestep = 0.1\nworld = "kinematic"\nmax-time = 1\nfail-if = ["new-failure", "timeout"]\n'
+        'sut = "none"\ntimestep = 0.1\nworld = "kinematic"\nmax-time = 1\nfail-if = '
+        '["new-failure", "timeout"]\n'
     )
     result = xt.run(CUT_IN)
     assert (result.sut, result.settings["timestep"]) == ("none", 0.1)

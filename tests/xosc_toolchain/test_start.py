@@ -26,7 +26,10 @@ start.{function}()
 """
 
 
-HANDLED = "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, signal.SIG_DFL)"
+HANDLED = (
+    "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, "
+    "signal.SIG_DFL)"
+)
 """Signals as in a terminal: in the background a shell starts commands that ignore SIGINT"""
 
 
@@ -60,7 +63,10 @@ def test_a_signal_while_a_command_works(name: str, number: signal.Signals) -> No
 
 
 def test_signals_that_are_ignored_stay_so() -> None:
-    ignore = "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, signal.SIG_IGN)"
+    ignore = (
+        "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, "
+        "signal.SIG_IGN)"
+    )
     for number in (signal.SIGINT, signal.SIGHUP):
         code, _, error = interrupted("xosc-check", number, "typer", ignore)
         assert (code, error.count("interrupted")) == (3, 0)

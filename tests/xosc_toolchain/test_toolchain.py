@@ -29,7 +29,10 @@ def test_every_name_is_there() -> None:
 
 
 def test_the_import_loads_nothing_but_itself() -> None:
-    code = "import sys, xosc_toolchain; print(sorted({'numpy', 'lxml', 'typer', 'runner', 'xosc', 'libsumo'} & set(sys.modules)))"
+    code = (
+        "import sys, xosc_toolchain; print(sorted({'numpy', 'lxml', 'typer', 'runner', 'xosc', "
+        "'libsumo'} & set(sys.modules)))"
+    )
     found = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
     )
@@ -37,9 +40,12 @@ def test_the_import_loads_nothing_but_itself() -> None:
 
 
 def test_modules_of_the_same_names_do_not_matter(tmp_path: Path) -> None:
-    """A user's own `scenario.py` beside `import xosc_toolchain as xt`; names of the package are reached through it alone."""
+    """A user's own `scenario.py` beside `import xosc_toolchain as xt`; names of the package are
+    reached through it alone.
+    """
     (tmp_path / "program.py").write_text(
-        f"import xosc_toolchain as xt\nresult = xt.run({str(CUT_IN)!r}, sut='adas', world='kinematic')\nprint(result.verdict)\n"
+        f"import xosc_toolchain as xt\nresult = xt.run({str(CUT_IN)!r}, sut='adas', "
+        "world='kinematic')\nprint(result.verdict)\n"
     )
     found = subprocess.run(
         [sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, check=True

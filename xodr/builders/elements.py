@@ -203,10 +203,14 @@ def traffic_light(
     lanes: tuple[int, int],
     against: bool = False,
 ) -> Signal:
-    """A traffic light for a range of lanes (from, to), that faces traffic along +s, or against it."""
+    """A traffic light for a range of lanes (from, to), that faces traffic along
+    +s, or against it.
+    """
     return Signal(
-        str(number), road_id, s, t, name, dynamic=True, type="1000001", subtype="-1", country="OpenDRIVE",
-        orientation="-" if against else "+", value=-1.0, z_offset=3.0, width=0.4, height=1.0, validity=(lanes,),
+        str(number), road_id, s, t, name, dynamic=True, type="1000001", subtype="-1",
+        country="OpenDRIVE",
+        orientation="-" if against else "+", value=-1.0, z_offset=3.0, width=0.4, height=1.0,
+        validity=(lanes,),
     )  # fmt: skip
 
 
@@ -394,7 +398,8 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
         for o in road.objects
     )
     return replace(
-        road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects,
+        road, start=start, plan=plan, sections=sections, signals=signals, offset=offset,
+        objects=objects,
         superelevation=roll, temporary=temporary, temporary_offset=moved, references=references,
     )  # fmt: skip
 
@@ -592,7 +597,8 @@ def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
 def _object(parent: etree._Element, item: RoadObject) -> None:
     """Write something flat on the road with its outlines."""
     element = _add(
-        parent, "object", id=item.id, name=item.name, type=item.type, s=item.s, t=item.t, zOffset=item.z_offset,
+        parent, "object", id=item.id, name=item.name, type=item.type, s=item.s, t=item.t,
+        zOffset=item.z_offset,
         hdg=item.heading, orientation=item.orientation,
     )  # fmt: skip
     outlines = _add(element, "outlines")
@@ -612,8 +618,10 @@ def _object(parent: etree._Element, item: RoadObject) -> None:
 
 def _signal(parent: etree._Element, signal: Signal) -> None:
     element = _add(
-        parent, "signal", s=signal.s, t=signal.t, id=signal.id, name=signal.name, dynamic="yes" if signal.dynamic else "no",
-        orientation=signal.orientation, zOffset=signal.z_offset, country=signal.country, type=signal.type,
+        parent, "signal", s=signal.s, t=signal.t, id=signal.id, name=signal.name,
+        dynamic="yes" if signal.dynamic else "no",
+        orientation=signal.orientation, zOffset=signal.z_offset, country=signal.country,
+        type=signal.type,
         subtype=signal.subtype, value=signal.value, unit=signal.unit or None,
         height=signal.height, width=signal.width, hOffset=signal.h_offset,
         pitch=0, roll=0,
@@ -623,7 +631,8 @@ def _signal(parent: etree._Element, signal: Signal) -> None:
 
 def _reference(parent: etree._Element, reference: SignalReference) -> None:
     element = _add(
-        parent, "signalReference", s=reference.s, t=reference.t, id=reference.signal_id, orientation=reference.orientation
+        parent, "signalReference", s=reference.s, t=reference.t, id=reference.signal_id,
+        orientation=reference.orientation
     )  # fmt: skip
     _validity(element, reference.validity)
 

@@ -42,7 +42,8 @@ _NAMES = {EAST: "East", NORTH: "North", WEST: "West", SOUTH: "South"}
 
 
 def four_way_intersection(
-    *, lanes: int = 1, lane_width: float = 3.5, arm: float = 150.0, corner_radius: float = 8.0, signals: bool = False,
+    *, lanes: int = 1, lane_width: float = 3.5, arm: float = 150.0, corner_radius: float = 8.0,
+    signals: bool = False,
     speed_limit: float = 50 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """An urban intersection of two roads at right angles, centred on the origin.
@@ -61,7 +62,8 @@ def four_way_intersection(
 
 
 def t_junction(
-    *, lanes: int = 1, lane_width: float = 3.5, arm: float = 150.0, corner_radius: float = 8.0, signals: bool = False,
+    *, lanes: int = 1, lane_width: float = 3.5, arm: float = 150.0, corner_radius: float = 8.0,
+    signals: bool = False,
     speed_limit: float = 50 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A side road from the south that ends at a main road from west to east, which has the right of
@@ -123,7 +125,8 @@ class _IntersectionPlan:
                 ),
             )
         return RoadDesign(
-            str(arm), _NAMES[arm], start, (line(self.arm_length),), (section,), "town", self.speed_limit,
+            str(arm), _NAMES[arm], start, (line(self.arm_length),), (section,), "town",
+            self.speed_limit,
             predecessor=RoadLink("junction", str(JUNCTION), None), signals=lights,
         )  # fmt: skip
 
@@ -166,7 +169,8 @@ roads follow)."""
 
 
 def roundabout(
-    *, arms: int = 4, lanes: int = 1, lane_width: float = 4.0, radius: float = 16.0, arm: float = 120.0, flare: float = 14.0,
+    *, arms: int = 4, lanes: int = 1, lane_width: float = 4.0, radius: float = 16.0,
+    arm: float = 120.0, flare: float = 14.0,
     speed_limit: float = 50 / 3.6, ring_speed_limit: float = 30 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A roundabout centred on the origin, its arms evenly spread from the x axis counterclockwise.
@@ -231,7 +235,8 @@ class _Roundabout:
         start = PlanPose(reach * math.cos(heading), reach * math.sin(heading), heading)
         section = two_way(self.lanes, self.lanes, self.lane_width)
         return RoadDesign(
-            str(ARM + number), f"Arm {number + 1}", start, (line(self.arm_length),), (section,), "town", self.speed_limit,
+            str(ARM + number), f"Arm {number + 1}", start, (line(self.arm_length),), (section,),
+            "town", self.speed_limit,
             predecessor=RoadLink("junction", str(JUNCTION * (number + 1)), None),
         )  # fmt: skip
 
@@ -244,7 +249,8 @@ class _Roundabout:
         section = SectionDesign(0.0, carriageway(self.lanes, self.lane_width), centre_mark="solid")
         plan = (arc(self.radius * (step - 2 * self.half_mouth), 1 / self.radius),)
         return RoadDesign(
-            str(RING + number), f"Ring {number + 1}", start, plan, (section,), "town", self.ring_speed_limit,
+            str(RING + number), f"Ring {number + 1}", start, plan, (section,), "town",
+            self.ring_speed_limit,
             predecessor=RoadLink("junction", str(JUNCTION * (number + 1)), None),
             successor=RoadLink("junction", str(JUNCTION * ((number + 1) % self.arms + 1)), None),
         )  # fmt: skip

@@ -129,9 +129,11 @@ def connecting_road(
     end, last = _mouth(*after, width, entering=True)
     lane = LaneDesign(LANE, constant(width), predecessor=before[1], successor=after[1])
     return RoadDesign(
-        str(number), f"{before[0].name} to {after[0].name}", start, (connect(start, end),), (SectionDesign(0.0, {-1: lane}),),
+        str(number), f"{before[0].name} to {after[0].name}", start, (connect(start, end),),
+        (SectionDesign(0.0, {-1: lane}),),
         after[0].type, min(before[0].speed_limit, after[0].speed_limit), junction=str(junction),
-        predecessor=RoadLink("road", before[0].id, first), successor=RoadLink("road", after[0].id, last),
+        predecessor=RoadLink("road", before[0].id, first),
+        successor=RoadLink("road", after[0].id, last),
     )  # fmt: skip
 
 
@@ -190,7 +192,8 @@ ORIGIN = PlanPose(0.0, 0.0, 0.0)
 
 
 def straight_highway(
-    *, lanes: int = 3, opposite_lanes: int = 0, lane_width: float = 3.75, shoulder: float = 2.5, median: float = 3.5,
+    *, lanes: int = 3, opposite_lanes: int = 0, lane_width: float = 3.75, shoulder: float = 2.5,
+    median: float = 3.5,
     length: float = 2000.0, speed_limit: float = 130 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A straight motorway along the x axis.
@@ -227,8 +230,10 @@ def straight_highway(
 
 
 def sharp_curve(
-    *, radius: float = 60.0, angle: float = math.pi / 2, turn: str = "left", lanes: int = 1, opposite_lanes: int = 1,
-    lane_width: float = 3.5, shoulder: float = 1.0, approach: float = 200.0, transition: float = 30.0,
+    *, radius: float = 60.0, angle: float = math.pi / 2, turn: str = "left", lanes: int = 1,
+    opposite_lanes: int = 1,
+    lane_width: float = 3.5, shoulder: float = 1.0, approach: float = 200.0,
+    transition: float = 30.0,
     speed_limit: float = 70 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A rural road with one sharp curve between two straights.
@@ -279,7 +284,8 @@ def sharp_curve(
 
 
 def narrow_road(
-    *, lanes: int = 1, opposite_lanes: int = 1, lane_width: float = 2.5, shoulder: float = 0.5, length: float = 400.0,
+    *, lanes: int = 1, opposite_lanes: int = 1, lane_width: float = 2.5, shoulder: float = 0.5,
+    length: float = 400.0,
     speed_limit: float = 30 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A straight narrow street along the x axis: lanes barely wider than a lorry, no room beside
@@ -313,8 +319,10 @@ MOUTH = RoadLink("junction", str(JUNCTION), None)
 
 
 def on_ramp(
-    *, lanes: int = 2, lane_width: float = 3.75, ramp_width: float = 4.0, shoulder: float = 2.5, upstream: float = 500.0,
-    acceleration: float = 250.0, taper: float = 75.0, downstream: float = 600.0, ramp: float = 200.0, angle: float = 0.07,
+    *, lanes: int = 2, lane_width: float = 3.75, ramp_width: float = 4.0, shoulder: float = 2.5,
+    upstream: float = 500.0,
+    acceleration: float = 250.0, taper: float = 75.0, downstream: float = 600.0,
+    ramp: float = 200.0, angle: float = 0.07,
     speed_limit: float = 120 / 3.6, ramp_speed_limit: float = 80 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A motorway with an on-ramp that merges over an acceleration lane.
@@ -356,8 +364,10 @@ def on_ramp(
 
 
 def off_ramp(
-    *, lanes: int = 2, lane_width: float = 3.75, ramp_width: float = 4.0, shoulder: float = 2.5, upstream: float = 600.0,
-    deceleration: float = 250.0, taper: float = 75.0, downstream: float = 500.0, ramp: float = 200.0, angle: float = 0.07,
+    *, lanes: int = 2, lane_width: float = 3.75, ramp_width: float = 4.0, shoulder: float = 2.5,
+    upstream: float = 600.0,
+    deceleration: float = 250.0, taper: float = 75.0, downstream: float = 500.0,
+    ramp: float = 200.0, angle: float = 0.07,
     speed_limit: float = 120 / 3.6, ramp_speed_limit: float = 80 / 3.6, rule: str = "RHT",
 ) -> RoadMap:  # fmt: skip
     """A motorway with an off-ramp that diverges from a deceleration lane.
@@ -468,7 +478,8 @@ class _Site:
             -2: LaneDesign("shoulder", constant(self.shoulder)),
         }
         return RoadDesign(
-            "3", name, start, (line(length),), (SectionDesign(0.0, lanes, "solid"),), "motorway", self.ramp_speed_limit,
+            "3", name, start, (line(length),), (SectionDesign(0.0, lanes, "solid"),), "motorway",
+            self.ramp_speed_limit,
             predecessor=predecessor, successor=successor,
         )  # fmt: skip
 
@@ -535,9 +546,11 @@ class _Site:
             ),
         }
         return RoadDesign(
-            str(RAMP), "Ramp connection", start, (arc(length, -1 / self.radius),), (SectionDesign(0.0, lanes, "solid"),),
+            str(RAMP), "Ramp connection", start, (arc(length, -1 / self.radius),),
+            (SectionDesign(0.0, lanes, "solid"),),
             "motorway", self.ramp_speed_limit, junction=str(JUNCTION),
-            predecessor=RoadLink("road", str(before[0]), "end"), successor=RoadLink("road", str(after[0]), "start"),
+            predecessor=RoadLink("road", str(before[0]), "end"),
+            successor=RoadLink("road", str(after[0]), "start"),
         )  # fmt: skip
 
     def assemble(
@@ -548,7 +561,9 @@ class _Site:
         ramp: Connection,
         rule: str,
     ) -> RoadMap:
-        """The whole map; `extra` are lane pairs of the through connection beside the driving lanes."""
+        """The whole map; `extra` are lane pairs of the through connection beside
+        the driving lanes.
+        """
         main = connection(
             "1",
             str(THROUGH),

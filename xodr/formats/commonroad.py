@@ -38,7 +38,8 @@ _SPEED = re.compile(r"([0-9]{1,3}(?:\.[0-9]*)?) *(kmh|mph|)")
 _UNITS = {"": 1.0, "kmh": 1.0 / 3.6, "mph": 0.44704}
 """Factors to m/s, which values without a unit are in"""
 _LANE_TYPES = {
-    "sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus", "shoulder": "shoulder",
+    "sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus",
+    "shoulder": "shoulder",
     "accessRamp": "onRamp", "exitRamp": "offRamp", "border": "border",
 }  # fmt: skip
 
@@ -148,9 +149,11 @@ def _lanelet(element: etree._Element, limits: dict[str, float]) -> CommonRoadLan
         raise invalid(element, f"the left bound has {len(left)} points, the right one {len(right)}")
     types = tuple((kind.text or "").strip() for kind in element.iterchildren("laneletType"))
     return CommonRoadLanelet(
-        element.get("id") or "", left, right, _refs(element, "predecessor"), _refs(element, "successor"),
+        element.get("id") or "", left, right, _refs(element, "predecessor"),
+        _refs(element, "successor"),
         _beside(element, "adjacentLeft"), _beside(element, "adjacentRight"), types,
-        min((limits[sign] for sign in _refs(element, "trafficSignRef") if sign in limits), default=math.inf),
+        min((limits[sign] for sign in _refs(element, "trafficSignRef") if sign in limits),
+            default=math.inf),
     )  # fmt: skip
 
 
@@ -178,19 +181,23 @@ def _beside(element: etree._Element, name: str) -> LaneletNeighbour | None:
 # maps --------------------------------------------------------------------------------------------
 
 LANELET_TYPES = {
-    "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder", "stop": "shoulder",
-    "bus": "busLane", "exit": "exitRamp", "offRamp": "exitRamp", "entry": "accessRamp", "onRamp": "accessRamp",
+    "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder",
+    "stop": "shoulder",
+    "bus": "busLane", "exit": "exitRamp", "offRamp": "exitRamp", "entry": "accessRamp",
+    "onRamp": "accessRamp",
     "parking": "parking", "border": "border", "restricted": "restricted",
 }  # fmt: skip
 """Lanelet types by OpenDRIVE lane type; other lanes have the type of their road."""
 ROAD_LANELETS = {
-    "motorway": "interstate", "rural": "country", "town": "urban", "townExpressway": "urban", "lowSpeed": "urban",
+    "motorway": "interstate", "rural": "country", "town": "urban", "townExpressway": "urban",
+    "lowSpeed": "urban",
     "pedestrian": "sidewalk", "bicycle": "bicycleLane",
 }  # fmt: skip
 """Lanelet types by OpenDRIVE road type"""
 _ROAD_TYPES = {"interstate": "motorway", "highway": "motorway", "country": "rural", "urban": "town"}
 LINE_MARKINGS = {
-    "none": "no_marking", "solid": "solid", "broken": "dashed", "solid solid": "solid_solid", "broken broken": "dashed_dashed",
+    "none": "no_marking", "solid": "solid", "broken": "dashed", "solid solid": "solid_solid",
+    "broken broken": "dashed_dashed",
     "solid broken": "solid_dashed", "broken solid": "dashed_solid", "curb": "curb",
 }  # fmt: skip
 """Markings by OpenDRIVE road mark; others are unknown"""
@@ -211,8 +218,10 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     if not lane_map.lanes:
         raise Unsupported("a map without lanes is no CommonRoad file")
     attributes = {
-        "timeStepSize": "0.1", "commonRoadVersion": "2020a", "author": "xosc-toolchain", "affiliation": "xosc-toolchain",
-        "source": lane_map.name, "benchmarkID": f"ZAM_{re.sub('[^A-Za-z0-9]', '', lane_map.name.title()) or 'Map'}-1",
+        "timeStepSize": "0.1", "commonRoadVersion": "2020a", "author": "xosc-toolchain",
+        "affiliation": "xosc-toolchain",
+        "source": lane_map.name,
+        "benchmarkID": f"ZAM_{re.sub('[^A-Za-z0-9]', '', lane_map.name.title()) or 'Map'}-1",
         "date": "2020-01-01",
     }  # fmt: skip
     root = etree.Element("commonRoad", attributes)
@@ -451,8 +460,10 @@ def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:
         for line, tag in ((one.left, "leftBound"), (one.right, "rightBound"))
     )
     return MapLane(
-        one.id, left, right, lane_type(one.types), road_type, None if math.isinf(one.limit) else one.limit,
-        (marks[0], marks[1]), "intersection" in one.types, list(one.successors), (beside[0], beside[1]),
+        one.id, left, right, lane_type(one.types), road_type,
+        None if math.isinf(one.limit) else one.limit,
+        (marks[0], marks[1]), "intersection" in one.types, list(one.successors),
+        (beside[0], beside[1]),
     )  # fmt: skip
 
 

@@ -39,8 +39,10 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
 
     features = list(_features(lane_map, placed))
     about = {
-        "name": lane_map.name, "coordinates": "WGS 84" if projector is not None else "metres of the map",
-        "projection": lane_map.projection, "offset": list(lane_map.offset), "left_hand": lane_map.left_hand,
+        "name": lane_map.name,
+        "coordinates": "WGS 84" if projector is not None else "metres of the map",
+        "projection": lane_map.projection, "offset": list(lane_map.offset),
+        "left_hand": lane_map.left_hand,
         "priorities": [list(pair) for pair in lane_map.priorities],
     }  # fmt: skip
     content = {"type": "FeatureCollection", "properties": about, "features": features}
@@ -60,7 +62,8 @@ def _features(
     for lane in lane_map.lanes.values():
         left, right = placed(lane.left), placed(lane.right)
         about = {
-            "kind": "lane", "id": lane.id, "type": lane.type, "road_type": lane.road_type, "speed_limit": lane.limit,
+            "kind": "lane", "id": lane.id, "type": lane.type, "road_type": lane.road_type,
+            "speed_limit": lane.limit,
             "in_junction": lane.in_junction, "successors": lane.successors,
             "left": lane.beside[0], "right": lane.beside[1],
         }  # fmt: skip
@@ -71,7 +74,8 @@ def _features(
         ):
             yield _feature(
                 "LineString", line,
-                {"kind": "border", "lane": lane.id, "side": side, "mark": mark, "color": color, "width": width},
+                {"kind": "border", "lane": lane.id, "side": side, "mark": mark, "color": color,
+                    "width": width},
             )  # fmt: skip
         yield _feature("LineString", placed(lane.centre), {"kind": "centre", "lane": lane.id})
     for area in lane_map.crosswalks:
@@ -80,8 +84,10 @@ def _features(
     for signal in lane_map.signals:
         (place,) = placed(np.array([signal.place]))
         about = {
-            "kind": signal.kind, "id": signal.id, "type": signal.type, "subtype": signal.subtype, "country": signal.country,
-            "value": signal.value, "unit": signal.unit, "heading": signal.heading, "lanes": list(signal.lanes),
+            "kind": signal.kind, "id": signal.id, "type": signal.type, "subtype": signal.subtype,
+            "country": signal.country,
+            "value": signal.value, "unit": signal.unit, "heading": signal.heading,
+            "lanes": list(signal.lanes),
         }  # fmt: skip
         yield _feature("Point", place, about)
 
@@ -110,7 +116,10 @@ def read(path: Path) -> LaneMap:
         for feature in content["features"]:
             _take(feature["properties"], feature["geometry"]["coordinates"], made, projector)
     except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
-        message = f"this is no GeoJSON of lanes as this project writes them ({type(error).__name__}: {error})"
+        message = (
+            "this is no GeoJSON of lanes as this project writes them "
+            f"({type(error).__name__}: {error})"
+        )
         raise InvalidFile(message, path=path) from None
     return made
 
@@ -130,7 +139,8 @@ def _take(
         empty = np.zeros((0, 3))
         made.lanes[about["id"]] = MapLane(
             about["id"], empty, empty, about["type"], about["road_type"], about["speed_limit"],
-            in_junction=about["in_junction"], successors=list(about["successors"]), beside=(sides[0], sides[1]),
+            in_junction=about["in_junction"], successors=list(about["successors"]),
+            beside=(sides[0], sides[1]),
         )  # fmt: skip
     elif about["kind"] == "border":
         line = np.array(coordinates, dtype=float)

@@ -77,7 +77,8 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     built = build(lanelets, lane_map.name, geo, ranks, tolerance=_TOLERANCE)
     made = built.map
     highest = max(
-        (float(np.abs(line[:, 2]).max()) for lane in lanes.values() for line in (lane.left, lane.right)), default=0.0
+        (float(np.abs(line[:, 2]).max()) for lane in lanes.values() for line in (lane.left,
+            lane.right)), default=0.0
     )  # fmt: skip
     if highest > _LEVEL:
         made = replace(made, roads=tuple(_raised(built, lanes)))
@@ -87,7 +88,11 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     if signs:
         roads, moved = _with_signs(made.roads, built.lanelets, signs)
         made = replace(made, roads=roads)
-        notes += [f"signs beyond the ends of their roads are moved to them: {' '.join(moved)}"] if moved else []  # fmt: skip
+        notes += (
+            [(f"signs beyond the ends of their roads are moved to them: {' '.join(moved)}")]
+            if moved
+            else []
+        )
     if lane_map.left_hand:
         notes.append("traffic keeps to the left: roads are one-way, so the rule says right")
     return made.to_xml(), [*notes, *built.notes]
@@ -209,8 +214,10 @@ def _with_signs(
             turn = math.remainder(sign.heading - heading - math.pi, math.tau)
             own[road_id].append(
                 Signal(
-                    str(number), road_id, s, t, sign.id, False, sign.type, sign.subtype or "-1", sign.country, "+",
-                    sign.value, sign.unit, z_offset=sign.place[2] - height, h_offset=turn, validity=ranges,
+                    str(number), road_id, s, t, sign.id, False, sign.type, sign.subtype or "-1",
+                    sign.country, "+",
+                    sign.value, sign.unit, z_offset=sign.place[2] - height, h_offset=turn,
+                    validity=ranges,
                 )
             )  # fmt: skip
     made = tuple(
@@ -319,9 +326,11 @@ def _lanelet(lane: MapLane, lanes: dict[str, MapLane], lights: tuple[str, ...]) 
     right = _neighbour(lane, lanes)
     bound = lanes[right].left if right is not None else lane.right
     return Lanelet(
-        lane.id, joined([lane.left[:, :2]]), joined([bound[:, :2]]), (), tuple(lane.successors), None,
+        lane.id, joined([lane.left[:, :2]]), joined([bound[:, :2]]), (), tuple(lane.successors),
+        None,
         LaneletNeighbour(right, True) if right is not None else None, lane.type,
-        lane.road_type if lane.road_type != "unknown" else "town", math.inf if lane.limit is None else lane.limit,
+        lane.road_type if lane.road_type != "unknown" else "town",
+        math.inf if lane.limit is None else lane.limit,
         lane.marks[0][0], lane.marks[1][0], lights,
     )  # fmt: skip
 

@@ -38,7 +38,8 @@ from xodr.model import Lane
 _WIDTH, _SPEED = 3.2, 13.89
 """Width (m) and speed limit (m/s) of lanes that name none."""
 _TYPES = {
-    "pedestrian": "sidewalk", "bicycle": "biking", "bus": "bus", "tram": "tram", "rail": "rail", "rail_urban": "rail",
+    "pedestrian": "sidewalk", "bicycle": "biking", "bus": "bus", "tram": "tram", "rail": "rail",
+    "rail_urban": "rail",
     "emergency": "shoulder",
 }  # fmt: skip
 """Lane types by the first vehicle class that a lane allows alone."""
@@ -72,7 +73,8 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
             f"widths or cross slopes of {bordered} lanes change: SUMO has their mean width, their"
             f" parameters {_SIDES[0]} and {_SIDES[1]} have their borders"
         )
-    for element in [element for element in root if DOCK in (element.get("id", ""), element.get("from", ""), element.get("to", ""))
+    for element in [element for element in root if DOCK in (element.get("id", ""),
+        element.get("from", ""), element.get("to", ""))
                     or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
         root.remove(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
@@ -218,7 +220,8 @@ def read(path: Path) -> LaneMap:
     notes = ["the network says nothing of its place on Earth"] if projection is None else []
     if moved:
         notes.append(
-            f"lanes are not between their parameters {' and '.join(_SIDES)}, whose borders are left out: {' '.join(moved)}"
+            f"lanes are not between their parameters {' and '.join(_SIDES)}, whose borders are "
+            f"left out: {' '.join(moved)}"
         )
     return LaneMap(path.name.split(".")[0], lanes, lights, projection, offset, left_hand, notes)
 
@@ -263,7 +266,9 @@ def _take_borders(made: MapLane, lane: etree._Element, path: Path) -> bool | Non
 
 
 _MOVED = 0.1
-"""Distance (m) of a shape from the middle of the borders, above which the lane has been moved since."""
+"""Distance (m) of a shape from the middle of the borders, above which the lane
+has been moved since.
+"""
 
 
 def _number(element: etree._Element, attribute: str, default: float, path: Path) -> float:

@@ -213,7 +213,9 @@ class _Side(NamedTuple):
 
 
 def divided(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> dict[str, Road]:
-    """The roads, with a border of lane sections wherever another road joins one between its ends."""
+    """The roads, with a border of lane sections wherever another road joins one
+    between its ends.
+    """
     found = dict(roads)
     for side in _sides(roads, junctions):
         found[side.main.id] = _with_border(found[side.main.id], side.s)

@@ -419,7 +419,9 @@ class RoadRelations:
 
 
 def lanes_between(lane_id: int, other: int) -> int:
-    """Number of lanes from one to the other, positive towards +t; the centre lane 0 is not counted."""
+    """Number of lanes from one to the other, positive towards +t; the centre
+    lane 0 is not counted.
+    """
     return _rank(other) - _rank(lane_id)
 
 

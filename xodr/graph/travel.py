@@ -51,7 +51,9 @@ class Traveller:
         self._turns: dict[LaneLink, tuple[float, bool]] = {}
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
-        """Move `distance` [m ≥ 0] along the point's lane, measured on the way of the point itself."""
+        """Move `distance` [m ≥ 0] along the point's lane, measured on the way of
+        the point itself.
+        """
         road_id, s, _, lane_id, offset, layer = point
         road = self._roads[road_id]
         section = road.section(s)

@@ -117,7 +117,9 @@ class Ways:
         return self._steps[driven].get(way, {})
 
     def following(self, way: Way) -> dict[Way, tuple[int, ...]]:
-        """The ways that follow where a road ends, each with the lanes that lead to its beginning."""
+        """The ways that follow where a road ends, each with the lanes that lead
+        to its beginning.
+        """
         end = self._end(way)
         found = self.steps(way, driven=False).items()
         return {
@@ -171,7 +173,9 @@ class Ways:
         )
 
     def lanes_towards(self, way: Way, step: Step) -> tuple[int, ...]:
-        """Lanes on a way that lead on by a step: those of its traffic, or any where there are none."""
+        """Lanes on a way that lead on by a step: those of its traffic, or any
+        where there are none.
+        """
         return self.steps(way, True).get(step) or self.steps(way, False).get(step, ())
 
     def lane_after(self, way: Way, lane_id: int, following: Way) -> int:

@@ -344,7 +344,9 @@ def _across(road: Road, borders: list[Profile], s: float) -> Points:
 
 
 def lane_borders(road: Road, longest: float = 5.0) -> list[tuple[int, Points, Points]]:
-    """Return, for every lane of every section, its id and its inner and outer border as polylines."""
+    """Return, for every lane of every section, its id and its inner and outer
+    border as polylines.
+    """
     everywhere = stations(road, longest)
     borders = []
     for section in road.sections:

@@ -58,7 +58,10 @@ def without_files(projection: str, path: Path) -> str:
         )
     named = _READS_FILES.search(projection)
     if named:
-        reason = f"the geoReference reads files ({named[0]}), which is refused: state the projection by numbers or a code"
+        reason = (
+            f"the geoReference reads files ({named[0]}), which is refused: state the projection "
+            "by numbers or a code"
+        )
         raise Unsupported(reason, path=path, element="geoReference")
     return projection
 

@@ -30,7 +30,9 @@ many times as much."""
 
 
 class Places(NamedTuple):
-    """Road coordinates of n positions: those of `xodr.model.RoadPoint`, in arrays of that length."""
+    """Road coordinates of n positions: those of `xodr.model.RoadPoint`, in
+    arrays of that length.
+    """
 
     road_id: NDArray[np.object_]
     lane_id: IntArray
@@ -242,7 +244,9 @@ def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArr
 def _mismatch(
     part: RoadPart, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users
 ) -> tuple[FloatArray, FloatArray]:
-    """Height on another level (m), and angle between heading and the lane's traffic (rad, coarse)."""
+    """Height on another level (m), and angle between heading and the lane's
+    traffic (rad, coarse).
+    """
     road, height = part.road, np.zeros(len(s))
     angle: FloatArray = np.zeros(len(s))
     if users.z is not None:

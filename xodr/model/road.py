@@ -219,7 +219,8 @@ class Road:
         if found is None:
             there = ", ".join(str(lane) for lane in lanes if lane) or "none"
             raise RoadError(
-                f"road {self.id!r} has no lane {lane_id} at s = {s:.2f} m; its lanes there: {there}",
+                f"road {self.id!r} has no lane {lane_id} at s = {s:.2f} m; its "
+                f"lanes there: {there}",
                 path=self.path,
             )
         return found

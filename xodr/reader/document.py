@@ -111,7 +111,10 @@ def _not_read(root: etree._Element, path: Path) -> Iterator[Remark]:
         first, name = found[0].element, local_name(found[0].element)
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         hint = f"; {nearest(name, sorted(found[0].expected))}" if found[0].expected else ""
-        message = f"the element {quoted(name)} is in no version of the standard here{more}; it is NOT read{hint}"
+        message = (
+            f"the element {quoted(name)} is in no version of the standard here{more}; "
+            f"it is NOT read{hint}"
+        )
         cause = "ignored" if found[0].decides else ""
         yield Remark(_VALID, message, str(path), line_of(first), cause, local_name(first))
 
@@ -127,7 +130,10 @@ def _doubled_signals(root: etree._Element, path: Path) -> Iterator[Remark]:
         seen.add(name)
     if doubled:
         more = f" (and {len(doubled) - 1} more ids used again)" if len(doubled) > 1 else ""
-        message = f"the id {quoted(doubled[0].get('id', ''))} is that of another signal, too{more}; the first with an id is meant"
+        message = (
+            f"the id {quoted(doubled[0].get('id', ''))} is that of another signal, too{more}; the "
+            "first with an id is meant"
+        )
         yield Remark(_UNIQUE, message, str(path), line_of(doubled[0]), element="signal")
 
 
@@ -150,7 +156,9 @@ class LinkedEnds(NamedTuple):
         )
 
     def apart(self, t: float = 0.0, other_t: float = 0.0) -> float:
-        """Distance (m) between the points at t (m) of both ends; by default of the reference lines."""
+        """Distance (m) between the points at t (m) of both ends; by default of
+        the reference lines.
+        """
         here, there = _end(self.road, self.at_start), _end(self.other, self.other_at_start)
         return math.dist(self.road.pose(here, t)[:3], self.other.pose(there, other_t)[:3])
 
@@ -255,7 +263,10 @@ def _placed_cross_paths(
                 if gap < math.inf
                 else "links a lane that does not exist"
             )
-            message = f"the cross path {cross_path.id!r} of the junction {junction.id!r} {where}; {outcome}"
+            message = (
+                f"the cross path {cross_path.id!r} of the junction "
+                f"{junction.id!r} {where}; {outcome}"
+            )
             yield Remark(_REACHES, message, str(path), line_of(item))
 
 

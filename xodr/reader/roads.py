@@ -290,7 +290,8 @@ def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
 def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:
     marks = [
         RoadMark(
-            start + number(record, "sOffset", 0.0), record.get("type") or "none", record.get("color") or "standard",
+            start + number(record, "sOffset", 0.0), record.get("type") or "none",
+            record.get("color") or "standard",
             optional(record, "width"), record.get("laneChange", ""),
         )
         for record in element.iterfind("roadMark")

@@ -62,13 +62,17 @@ def level_holds_to_the_edge(document: CheckedDocument) -> Iterator[Finding]:
                 if level and not _level(lane):
                     yield Finding(
                         lane,
-                        f"the lane {lane.get('id')} is not level, but a lane nearer to the centre is",
+                        f"the lane {lane.get('id')} is not level, but a lane "
+                        "nearer to the centre is",
                     )
                 level = level or _level(lane)
     for meeting in meetings(document):
         for lane, other, _ in meeting.links:
             if _level(lane) != _level(other):
-                message = f"level differs between the lane {lane.get('id')} and the lane {other.get('id')} that it is linked with"
+                message = (
+                    f"level differs between the lane {lane.get('id')} and the lane "
+                    f"{other.get('id')} that it is linked with"
+                )
                 yield Finding(lane, message, "warning")
 
 
@@ -92,7 +96,8 @@ def access_is_allowed_or_denied(document: CheckedDocument) -> Iterator[Finding]:
             if any(abs(start - s) < _SAME and kind != other for s, other in seen):
                 yield Finding(
                     access,
-                    f"rule={kind!r} at sOffset={start:g}, where another access element says the opposite",
+                    f"rule={kind!r} at sOffset={start:g}, where another access "
+                    "element says the opposite",
                 )
             seen.append((start, kind))
 
@@ -112,7 +117,10 @@ def borders_stay_outside(document: CheckedDocument) -> Iterator[Finding]:
                         for a, b in _sampled(near, far, section.end - section.start)
                     )
                 ):
-                    message = f"the border of the lane {outer.get('id')} crosses that of the lane {inner.get('id')}"
+                    message = (
+                        f"the border of the lane {outer.get('id')} crosses that of the lane "
+                        f"{inner.get('id')}"
+                    )
                     yield Finding(outer, message)
 
 
@@ -146,7 +154,10 @@ def links_are_declared_by_both_lanes(document: CheckedDocument) -> Iterator[Find
                 for link in other.iterfind(f"{{*}}link/{{*}}{back}")
             }
             if (integer(lane, "id"), meeting.here.layer) not in linked:
-                message = f"the lane {other.get('id')} does not name the lane {lane.get('id')}, which links it, as its {back}"
+                message = (
+                    f"the lane {other.get('id')} does not name the lane {lane.get('id')}, which "
+                    f"links it, as its {back}"
+                )
                 yield Finding(other, message)
 
 
@@ -193,7 +204,8 @@ def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Fi
             if width is not None and width < _NO_WIDTH:
                 yield Finding(
                     link,
-                    f"the lane {lane.get('id')} links the lane {other.get('id')}, which has no width there",
+                    f"the lane {lane.get('id')} links the lane {other.get('id')}, "
+                    "which has no width there",
                 )
 
 
@@ -243,7 +255,8 @@ def permanent_sections_have_no_length(document: CheckedDocument) -> Iterator[Fin
         if section.layer == PERMANENT and section.element.get("length") is not None:
             yield Finding(
                 section.element,
-                f"length={section.element.get('length')} is for sections of the temporary layer only",
+                f"length={section.element.get('length')} is for sections of the "
+                "temporary layer only",
             )
 
 
@@ -271,7 +284,8 @@ def sections_end_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
             ):
                 yield Finding(
                     section,
-                    f"the section ends at s={(s or 0.0) + (length or 0.0):g}, the road at {total:g}",
+                    f"the section ends at s={(s or 0.0) + (length or 0.0):g}, "
+                    f"the road at {total:g}",
                 )
 
 
@@ -290,7 +304,10 @@ def linked_layers_share_a_border(document: CheckedDocument) -> Iterator[Finding]
                 for link in here.element.iterfind(f"{{*}}*/{{*}}lane/{{*}}link/{{*}}{name}"):
                     across = (link.get("layer") or PERMANENT) != here.layer
                     if across and not any(abs(end - border) <= SAME_BORDER for end in ends):
-                        message = f"no {link.get('layer') or PERMANENT} lane section meets this one at s={border:g}"
+                        message = (
+                            f"no {link.get('layer') or PERMANENT} lane section meets this one at "
+                            f"s={border:g}"
+                        )
                         yield Finding(link, message)
 
 
@@ -327,7 +344,8 @@ def temporary_lanes_can_be_entered_and_left(document: CheckedDocument) -> Iterat
                     ):
                         yield Finding(
                             lane,
-                            f"the temporary lane {lane.get('id')} has no permanent {name} at s={border:g}",
+                            f"the temporary lane {lane.get('id')} has no permanent {name} at "
+                            f"s={border:g}",
                         )
 
 
@@ -453,7 +471,10 @@ def connections_lead_into_the_junction(document: CheckedDocument) -> Iterator[Fi
             leaves = _ways(lane) & ({-1} if meeting.here_start else {1})
             enters = _ways(other) & ({1} if meeting.there_start else {-1})
             if not leaves or not enters:
-                message = f"no traffic leads from the lane {lane.get('id')} to the lane {other.get('id')} of the connection"
+                message = (
+                    f"no traffic leads from the lane {lane.get('id')} to the lane "
+                    f"{other.get('id')} of the connection"
+                )
                 yield Finding(link, message)
 
 
@@ -495,7 +516,8 @@ def _entered(document: CheckedDocument, contact: str, name: str) -> Iterator[Fin
             continue
         if link.get("elementId") != connection.get("incomingRoad"):
             message = (
-                f"contactPoint={contact!r}, but the {name} of the road {road.get('id')!r} is the road {link.get('elementId')!r},"
+                f"contactPoint={contact!r}, but the {name} of the road {road.get('id')!r} is the "
+                f"road {link.get('elementId')!r},"
                 f" not {connection.get('incomingRoad')!r}"
             )
             yield Finding(connection, message)
@@ -519,6 +541,7 @@ def ambiguous_links_need_a_junction(document: CheckedDocument) -> Iterator[Findi
             if end in seen:
                 yield Finding(
                     link,
-                    f"another road links the {end[1]} of the road {end[0]!r}, too; a junction is needed",
+                    f"another road links the {end[1]} of the road {end[0]!r}, too; "
+                    "a junction is needed",
                 )
             seen.add(end)

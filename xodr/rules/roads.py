@@ -180,7 +180,8 @@ def _numbering(document: CheckedDocument, section: etree._Element, side: str) ->
         given = ", ".join(f"{number:g}" for number in ids)
         yield Finding(
             section,
-            f"the lane ids on the side {side} are {given}, numbers without gaps from {sign} on are expected",
+            f"the lane ids on the side {side} are {given}, numbers without gaps from {sign} on "
+            "are expected",
         )
 
 
@@ -467,7 +468,8 @@ def cross_paths_reach_their_lanes(document: CheckedDocument) -> Iterator[Finding
                 place = f"{gap:.3g} m beside" if gap < math.inf else "at no place of"
                 yield Finding(
                     element,
-                    f"the {name} of the cross path lies {place} the lane {end.lane_id} of the road {end.road_id!r}",
+                    f"the {name} of the cross path lies {place} the lane {end.lane_id} of the "
+                    f"road {end.road_id!r}",
                 )
 
 
@@ -530,7 +532,8 @@ def _gaps_of_lanes(
             names = " and ".join(other.get("id") or "" for other in others)
             yield Finding(
                 lane,
-                f"the borders of the lane {lane.get('id')} are {gap:.3g} m away from those of the lane {names}",
+                f"the borders of the lane {lane.get('id')} are {gap:.3g} m away from those of the "
+                f"lane {names}",
             )
 
 

@@ -256,7 +256,9 @@ def _connected(
 
 
 def touches_with_start(road: etree._Element | None, junction: etree._Element) -> bool | None:
-    """Whether a road touches a junction with its start; None where it does not, or with both ends."""
+    """Whether a road touches a junction with its start; None where it does not,
+    or with both ends.
+    """
     if road is None:
         return None
     ends = [

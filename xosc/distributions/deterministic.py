@@ -166,7 +166,8 @@ class DeterministicMultiParameterDistribution:
     def __post_init__(self) -> None:
         if not self.value_sets or not all(self.value_sets):
             raise UsageError(
-                "a ValueSetDistribution needs at least one ParameterValueSet, and each at least one ParameterAssignment"
+                "a ValueSetDistribution needs at least one ParameterValueSet, and each at least "
+                "one ParameterAssignment"
             )
 
     @property
@@ -363,7 +364,10 @@ def respelled(
         except ValueError:
             continue  # refused where they are used
         if text is not None and spelled != text:
-            message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            message = (
+                f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; "
+                f"{spelled} is meant"
+            )
             yield from (
                 place.remark(DECLARED_TYPE_UID, message)
                 for place in _places(distribution.node, name, text)

@@ -98,7 +98,10 @@ class ParameterSpace:
         self._places = dict(_places(node))
         for name, place in self._places.items():
             if name not in self._declarations:
-                message = f"{scenario.path.name} declares no parameter {quoted(name)}; {nearest(name, self._declarations)}"
+                message = (
+                    f"{scenario.path.name} declares no parameter {quoted(name)}; "
+                    f"{nearest(name, self._declarations)}"
+                )
                 raise place.invalid(message)
         self._constrained = _groups(_constrained(self._declarations))
         self._keeps = lru_cache(_REMEMBERED)(
@@ -267,7 +270,8 @@ def sample(
 
     Example:
         >>> import xosc
-        >>> for path, parameters in xosc.sample("xosc/library/simple_cut_in_variation.xosc", 2, seed=1):
+        >>> variation = "xosc/library/simple_cut_in_variation.xosc"
+        >>> for path, parameters in xosc.sample(variation, 2, seed=1):
         ...     print(path.name, parameters["CutIn_Gap_m"])
         simple_cut_in.xosc 15
         simple_cut_in.xosc 5

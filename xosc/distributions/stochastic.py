@@ -112,7 +112,8 @@ class LogNormalDistribution(NormalDistribution):
     def _check(self) -> None:
         if self.expected_value <= 0:
             raise UsageError(
-                f"expectedValue={self.expected_value:g} of a log-normal distribution must be positive"
+                f"expectedValue={self.expected_value:g} of a log-normal "
+                "distribution must be positive"
             )
         if self.range is not None and self.range.upper_limit <= 0:
             raise UsageError(
@@ -170,7 +171,8 @@ class PoissonDistribution:
         finite("expectedValue", self.expected_value)
         if not 0 < self.expected_value <= 1e9:
             raise UsageError(
-                f"expectedValue={self.expected_value:g} of a Poisson distribution must lie between 0 and 1e9"
+                f"expectedValue={self.expected_value:g} of a Poisson distribution must lie "
+                "between 0 and 1e9"
             )
         self._probabilities  # noqa: B018 - a Range without probability is refused here, not at the first draw
 

@@ -127,7 +127,8 @@ class UserDefinedDistribution:
         type's name."""
         if current().untrusted:
             raise Unsupported(
-                f"the user-defined distribution type {self.type!r} is a plug-in's, and --untrusted loads none"
+                f"the user-defined distribution type {self.type!r} is a plug-in's, and "
+                "--untrusted loads none"
             )
         return _plugin(self.type, self.content)
 
@@ -171,5 +172,6 @@ def _plugin(kind: str, content: str) -> UserDistribution:
             ) from None
     known = ", ".join(sorted(plugins)) or "none is installed"
     raise Unsupported(
-        f"no plug-in for the user-defined distribution type {kind!r} (entry point group {GROUP}: {known})"
+        f"no plug-in for the user-defined distribution type {kind!r} (entry point "
+        f"group {GROUP}: {known})"
     )

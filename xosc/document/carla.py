@@ -68,7 +68,10 @@ def to_standard(scenario: Node) -> list[Remark]:
     flagged, remarks = is_mirrored(scenario), []
     if is_for_carla(scenario):
         header = scenario.need("FileHeader")
-        text = "written for CARLA's scenario_runner: triggers, priorities, speed steps and lane changes are read as there"
+        text = (
+            "written for CARLA's scenario_runner: triggers, priorities, speed steps and lane "
+            "changes are read as there"
+        )
         remarks.append(header.remark(_RULE, text))
     if flagged:
         header = scenario.need("FileHeader")
@@ -76,7 +79,10 @@ def to_standard(scenario: Node) -> list[Remark]:
             for node in list(scenario.iter(tag)):
                 change(node)
         header.element.set("description", header.get("description").removeprefix(FLAG))
-        text = f"the description begins with {FLAG!r}: y points to the right and headings count clockwise, as in CARLA"
+        text = (
+            f"the description begins with {FLAG!r}: y points to the right and headings count "
+            "clockwise, as in CARLA"
+        )
         remarks.append(header.remark(FLAG_RULE, text))
     for node in scenario.iter("LateralDistanceAction"):
         remarks += _lateral_distance(node, flagged)

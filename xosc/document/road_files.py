@@ -77,7 +77,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         found = next((file for file in spelt if file and os.path.isfile(file)), None)
     if found is None:
         raise logic.invalid(
-            f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "
+            f"the road network {named} does not exist: put it there, name its folder with "
+            f"--road-path (or in {VARIABLE}), "
             "or have one made by --road auto"
         )
     return RoadFile(

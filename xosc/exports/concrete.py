@@ -140,7 +140,8 @@ def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[s
     current().admit_runs(count, path)
     if count > MAX_SETS:
         raise document.node.unsupported(
-            f"{count} sets of parameters would be {count} files, and at most {MAX_SETS} are written: "
+            f"{count} sets of parameters would be {count} files, and at most "
+            f"{MAX_SETS} are written: "
             "choose some of them with --sample N or --only NUMBERS"
         )
     for index, parameters in settings.selection.sets(space, settings.enforce_constraints):

@@ -34,20 +34,24 @@ _REFUSED = (
     *(
         Rule(f"//{tag}", "esmini does not have this action")
         for tag in (
-            "AnimationAction", "SetMonitorAction", "TrafficSourceAction", "TrafficSinkAction", "TrafficStopAction",
-            "TrafficAreaAction", "TrafficSignalControllerAction", "ParameterModifyAction",
+            "AnimationAction", "SetMonitorAction", "TrafficSourceAction", "TrafficSinkAction",
+            "TrafficStopAction", "TrafficAreaAction", "TrafficSignalControllerAction",
+            "ParameterModifyAction",
         )
     ),
     Rule("//ParameterAction/ModifyAction", "esmini does not have this action"),
     *(
         Rule(f"//TrafficSwarmAction//{tag}", "esmini does not read it in swarms")
-        for tag in ("TrafficDefinition", "TrafficDistribution", "DirectionOfTravelDistribution", "InitialSpeedRange")
+        for tag in ("TrafficDefinition", "TrafficDistribution", "DirectionOfTravelDistribution",
+            "InitialSpeedRange")
     ),
     Rule("//LightType/UserDefinedLight", "esmini has the lights of vehicles only"),
     Rule("//VisibilityAction/SensorReferenceSet", "esmini does not have it"),
-    Rule("//AssignControllerAction/@activateAnimation/..", "esmini's controllers have no animation"),
+    Rule("//AssignControllerAction/@activateAnimation/..",
+        "esmini's controllers have no animation"),
     Rule(
-        "//RoutingAction/*[not(self::AssignRouteAction or self::FollowTrajectoryAction or self::AcquirePositionAction or "
+        "//RoutingAction/*[not(self::AssignRouteAction or self::FollowTrajectoryAction or "
+        "self::AcquirePositionAction or "
         "self::RandomRouteAction or self::PreferredLaneLayerAction)]",
         "esmini does not have this action",
     ),
@@ -61,12 +65,15 @@ _REFUSED = (
     ),
     Rule("//GeoPosition", "esmini does not have this position"),
     Rule("//RoutePosition//FromCurrentEntity", "esmini does not have this position"),
-    Rule("//Actors[@selectTriggeringEntities='true' or @selectTriggeringEntities='1']", "esmini ignores it"),
+    Rule("//Actors[@selectTriggeringEntities='true' or @selectTriggeringEntities='1']",
+        "esmini ignores it"),
     Rule("//EntitySelection | //ExternalObjectReference", "esmini does not have it"),
     Rule("//TrafficSignalController", "esmini has no phases of signals"),
-    Rule("//*[@alongRoute='true' or @alongRoute='1'][not(@coordinateSystem)]", "esmini measures in a straight line"),
+    Rule("//*[@alongRoute='true' or @alongRoute='1'][not(@coordinateSystem)]",
+        "esmini measures in a straight line"),
     *(
-        Rule(f"//ParameterDeclaration[@parameterType='{kind}']", "esmini has no parameters of that type")
+        Rule(f"//ParameterDeclaration[@parameterType='{kind}']",
+            "esmini has no parameters of that type")
         for kind in ("dateTime", "unsignedInt", "unsignedShort")
     ),
     Rule("//MonitorDeclaration", "esmini has no monitors"),

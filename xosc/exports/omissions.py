@@ -21,7 +21,8 @@ from xosc.rules.storyboard import CHOICES
 from xosc.writing.versions import EARLIER_CATEGORY, Version
 
 _CLOUDS = {
-    "zeroOktas": "free", **{f"{n}Oktas": "cloudy" for n in ("two", "three", "four", "five", "six")}, "oneOktas": "cloudy",
+    "zeroOktas": "free", **{f"{n}Oktas": "cloudy" for n in ("two", "three", "four", "five", "six")},
+    "oneOktas": "cloudy",
     "sevenOktas": "overcast", "eightOktas": "overcast", "nineOktas": "skyOff",
 }  # fmt: skip
 """Cloud states of 1.0 and 1.1 by the cover that they are said by since 1.2."""
@@ -74,7 +75,10 @@ def _idle_elements(document: Document) -> Iterator[str]:
         if (
             document.root in action.iterancestors()
         ):  # else it went with another one of the same Action
-            yield f"{located(action, document).where}: {action.tag}: without an action it does nothing"
+            yield (
+                f"{located(action, document).where}: {action.tag}: without an "
+                "action it does nothing"
+            )
             _idle(action)
     for act in _at(document, "//Act[not(ManeuverGroup)]"):
         yield f"{located(act, document).where}: {act.tag}: without a group it does nothing"
@@ -92,7 +96,10 @@ def _misplaced_actions(document: Document) -> Iterator[str]:
         document, f"//*[substring(name(), string-length(name()) - 5) = 'Action'][not({inside})]"
     ):
         if document.root in action.iterancestors():  # else it went with the one around it
-            yield f"{located(action, document).where}: {action.tag}: outside an action it does nothing"
+            yield (
+                f"{located(action, document).where}: {action.tag}: outside an "
+                "action it does nothing"
+            )
             _remove(action)
 
 
@@ -241,7 +248,8 @@ def _parameters(declarations: etree._Element) -> None:
     for variable in declarations:
         parameters.append(
             etree.Element(
-                "ParameterDeclaration", name=variable.get("name", ""), parameterType=variable.get("variableType", ""),
+                "ParameterDeclaration", name=variable.get("name", ""),
+                parameterType=variable.get("variableType", ""),
                 value=variable.get("value", ""),
             )
         )  # fmt: skip
@@ -303,8 +311,14 @@ def _along_route(condition: etree._Element) -> None:
 
 _NOT_SHOWN = "this version does not have it, and no motion depends on it"
 _COUNTED = "TimeOfDayCondition"
-_ALONG = "[(@coordinateSystem='road' or @coordinateSystem='lane') and @relativeDistanceType='longitudinal']"
-_AHEAD = "[(@coordinateSystem='entity' or not(@coordinateSystem)) and @relativeDistanceType='longitudinal']"
+_ALONG = (
+    "[(@coordinateSystem='road' or @coordinateSystem='lane') and "
+    "@relativeDistanceType='longitudinal']"
+)
+_AHEAD = (
+    "[(@coordinateSystem='entity' or not(@coordinateSystem)) and "
+    "@relativeDistanceType='longitudinal']"
+)
 
 _MOTION = " | ".join(
     f"//{place}"
@@ -317,55 +331,70 @@ _MOTION = " | ".join(
     )
 )
 _NEW_ROLES = (
-    "agriculture", "construction", "dangerousGoodsTransport", "freightTransport", "garbageCollection", "other",
-    "specialTransport", "trafficControl",
+    "agriculture", "construction", "dangerousGoodsTransport", "freightTransport",
+    "garbageCollection", "other", "specialTransport", "trafficControl",
 )  # fmt: skip
 
 OMISSIONS: tuple[Omission, ...] = (
     # all
     Omission(_NO_VERSION, "//Trailer[*/@entityRef='']", _remove, "it tows nothing"),
-    Omission(_NO_VERSION, "//Trailer/EntityRef", _called("TrailerRef"), "older catalogues call so what is written as TrailerRef"),
+    Omission(_NO_VERSION, "//Trailer/EntityRef", _called("TrailerRef"),
+        "older catalogues call so what is written as TrailerRef"),
     # 1.4
     Omission(
-        (1, 4), "//AbsoluteTargetLane/@layer/.. | //RelativeTargetLane/@layer/..", _without("layer"),
+        (1, 4), "//AbsoluteTargetLane/@layer/.. | //RelativeTargetLane/@layer/..",
+        _without("layer"),
         "this version knows no lane layers; the lane is that of the layer which the player takes",
     ),
     Omission((1, 4), "//PreferredLaneLayerAction", _idle, "this version knows no lane layers"),
-    Omission((1, 4), "//Phase/@semantics/..", _without("semantics"), "this version has the states of the signals alone"),
-    Omission((1, 4), _MOTION, _remove, "this version has speeds along a trajectory by its times alone; they are lost"),
-    Omission((1, 4), "//Polyline/Interpolation", _remove, "this version joins vertices by straight lines"),
+    Omission((1, 4), "//Phase/@semantics/..", _without("semantics"),
+        "this version has the states of the signals alone"),
+    Omission((1, 4), _MOTION, _remove,
+        "this version has speeds along a trajectory by its times alone; they are lost"),
+    Omission((1, 4), "//Polyline/Interpolation", _remove,
+        "this version joins vertices by straight lines"),
     *(
         Omission(
-            (1, 4), f"//Vehicle[@vehicleCategory='{new}'] | //VehicleCategoryDistributionEntry[@category='{new}']",
-            _category(new, old), f"its category {new} is written as {old}, the nearest of this version",
+            (1, 4), f"//Vehicle[@vehicleCategory='{new}'] | "
+                    f"//VehicleCategoryDistributionEntry[@category='{new}']",
+            _category(new, old), f"its category {new} is written as {old}, the "
+                                 "nearest of this version",
         )
         for new, old in EARLIER_CATEGORY.items() if new != "motorcycle"
     ),
     *(
-        Omission((1, 4), f"//*[@role='{role}']", _role, f"the role {role} is not in this version, and no motion depends on it")
+        Omission((1, 4), f"//*[@role='{role}']", _role,
+            f"the role {role} is not in this version, and no motion depends on it")
         for role in _NEW_ROLES
     ),
-    Omission((1, 4), "//LightStateAction[.//VehicleLight/@vehicleLightType='tailLights']", _idle, _NOT_SHOWN),
+    Omission((1, 4), "//LightStateAction[.//VehicleLight/@vehicleLightType='tailLights']", _idle,
+        _NOT_SHOWN),
     Omission(
-        (1, 4), "//CatalogLocations[not(//CatalogReferences)]/TrafficDistributionEntryCatalog", _remove, "nothing refers to it"
+        (1, 4), "//CatalogLocations[not(//CatalogReferences)]/TrafficDistributionEntryCatalog",
+        _remove, "nothing refers to it"
     ),
-    Omission((1, 4), "//TrafficDistribution/TrafficDistributionEntry[@name]", _without("name"), _NOT_SHOWN),
+    Omission((1, 4), "//TrafficDistribution/TrafficDistributionEntry[@name]", _without("name"),
+        _NOT_SHOWN),
     Omission(
-        (1, 4), "//TrafficDistributionEntry[not(.//@*[starts-with(., '$')])]/ParameterDeclarations", _remove,
+        (1, 4), "//TrafficDistributionEntry[not(.//@*[starts-with(., '$')])]/ParameterDeclarations",
+        _remove,
         "its parameters are worked out",
     ),
     # 1.3
     Omission(
-        (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle/*[self::TrailerHitch or self::TrailerCoupler]",
+        (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle/*[self::TrailerHitch or "
+                "self::TrailerCoupler]",
         _remove, "nothing is towed by it",
     ),
     Omission(
         (1, 3), "//ScenarioObject/ObjectController[preceding-sibling::ObjectController]", _remove,
         "this version has one controller of an object, none of which are executed here",
     ),
-    Omission((1, 3), "//ObjectController/@name/..", _without("name"), "this version's controllers of objects have no name"),
+    Omission((1, 3), "//ObjectController/@name/..", _without("name"),
+        "this version's controllers of objects have no name"),
     Omission(
-        (1, 3), "//ActivateControllerAction/@objectControllerRef/..", _without("objectControllerRef"),
+        (1, 3), "//ActivateControllerAction/@objectControllerRef/..",
+        _without("objectControllerRef"),
         "this version switches all controllers of an entity, which are not executed here",
     ),
     # 1.2
@@ -374,38 +403,49 @@ OMISSIONS: tuple[Omission, ...] = (
         "before 1.2 it is a Property of that name, and no motion depends on it",
     ),
     Omission(
-        (1, 2), "//Weather[@fractionalCloudCover and not(starts-with(@fractionalCloudCover, '$'))]", _cloud_state,
+        (1, 2), "//Weather[@fractionalCloudCover and not(starts-with(@fractionalCloudCover, '$'))]",
+        _cloud_state,
         "the cloud cover is written as the cloudState that it makes",
     ),
-    Omission((1, 2), "//Sun[@illuminance]", _renamed("illuminance", "intensity"), "illuminance is called intensity before 1.2"),
+    Omission((1, 2), "//Sun[@illuminance]", _renamed("illuminance", "intensity"),
+        "illuminance is called intensity before 1.2"),
     Omission((1, 2), "//AppearanceAction", _idle, _NOT_SHOWN),
     Omission((1, 2), "//RoadCondition/@wetness/..", _without("wetness"), _NOT_SHOWN),
     Omission((1, 2), "//Controller/@controllerType/..", _without("controllerType"), _NOT_SHOWN),
     Omission(
-        (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = //ParameterDeclaration/@name)]", _parameters,
+        (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = "
+                "//ParameterDeclaration/@name)]", _parameters,
         "variables are written as parameters, which actions may set before 1.2",
     ),
     # 1.1
-    Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"), _NOT_SHOWN),
+    Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"),
+        _NOT_SHOWN),
     Omission((1, 1), "//Pedestrian[@model and @model3d]", _without("model3d"), _NOT_SHOWN),
     Omission(
-        (1, 1), "//Weather[@temperature or @atmosphericPressure]", _without("temperature", "atmosphericPressure"), _NOT_SHOWN
+        (1, 1), "//Weather[@temperature or @atmosphericPressure]",
+        _without("temperature", "atmosphericPressure"), _NOT_SHOWN
     ),
     Omission((1, 1), "//Weather/Wind | //Weather/DomeImage", _remove, _NOT_SHOWN),
     Omission(
-        (1, 1), "//Precipitation[@precipitationIntensity and not(starts-with(@precipitationIntensity, '$'))]", _rain,
+        (1, 1), "//Precipitation[@precipitationIntensity and "
+                "not(starts-with(@precipitationIntensity, '$'))]", _rain,
         f"its intensity is written as a part of {_HEAVIEST_RAIN:g} mm/h",
     ),
     Omission(
-        (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
+        (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision",
+            "Distance")),
         _along_route, "a distance along the road or lane is written as one along the route",
     ),
     Omission(
-        (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
+        (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route,
+        "a distance ahead is written as one along the route",
     ),
     Omission(
-        (1, 1), "//RelativeDistanceCondition[@relativeDistanceType='longitudinal' and @coordinateSystem]",
-        _without("coordinateSystem"), "a distance along the lane or road is written as one ahead, the same where it is straight",
+        (1, 1), "//RelativeDistanceCondition[@relativeDistanceType='longitudinal' and "
+                "@coordinateSystem]",
+        _without("coordinateSystem"),
+        "a distance along the lane or road is written as one ahead, the same "
+                                      "where it is straight",
     ),
 )  # fmt: skip
 """Of what a version brought, in the order in which they are made; files that have it before lose it
@@ -413,22 +453,29 @@ too."""
 
 SAID_OTHERWISE: tuple[Omission, ...] = (
     Omission(
-        (1, 2), "//*[@dynamicsShape and @dynamicsShape!='step' and @dynamicsDimension='time' and not(@followingMode='follow')]",
+        (1, 2), "//*[@dynamicsShape and @dynamicsShape!='step' and @dynamicsDimension='time' and "
+                "not(@followingMode='follow')]",
         _keep, "before 1.2 it takes longer where the vehicle's Performance asks for that",
     ),
-    Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
-    Omission((1, 1), "//Condition[contains(@name, '$')]", _plain_name, "its name, an expression, is written as plain text"),
+    Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story,
+        "a story is added whose act never starts"),
+    Omission((1, 1), "//Condition[contains(@name, '$')]", _plain_name,
+        "its name, an expression, is written as plain text"),
     Omission(
-        (1, 1), f"//Environment[not(//{_COUNTED} and not(TimeOfDay))][not(TimeOfDay and Weather and RoadCondition)]",
+        (1, 1), f"//Environment[not(//{_COUNTED} and not(TimeOfDay))][not(TimeOfDay and Weather "
+                "and RoadCondition)]",
         _complete,
-        "the parts that it leaves as they are, and 1.0 asks for, are written for dry and clear weather",
+        "the parts that it leaves as they are, and 1.0 asks for, are written for "
+        "dry and clear weather",
     ),
     Omission(
         (1, 1), "//Weather[not(@cloudState and Sun and Fog and Precipitation)]", _complete_weather,
-        "the parts that it leaves as they are, and 1.0 asks for, are written for dry and clear weather",
+        "the parts that it leaves as they are, and 1.0 asks for, are written for "
+        "dry and clear weather",
     ),
     Omission(
-        (1, 1), "//Vertex[not(@time) and not(ancestor::FollowTrajectoryAction//Timing)]", _with("time", "0"),
+        (1, 1), "//Vertex[not(@time) and not(ancestor::FollowTrajectoryAction//Timing)]",
+        _with("time", "0"),
         "a time is written, which counts only with a Timing",
     ),
 )  # fmt: skip

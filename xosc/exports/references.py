@@ -73,7 +73,8 @@ def _take_model(node: Node, draft: Draft) -> None:
         draft.note(
             node.remark(
                 RULE,
-                f"{source} is no 3-D model of a known format ({MODEL_FORMATS}); it is not taken along",
+                f"{source} is no 3-D model of a known format ({MODEL_FORMATS}); "
+                "it is not taken along",
             )
         )
 
@@ -87,7 +88,8 @@ def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
         raise node.invalid(f"{source} can't be taken along: {error.message}") from None
     if _has_temporary_lanes(content, source):
         draft.note(
-            f"{source}: temporary lanes: a player that does not know lane layers has the permanent ones alone, at best"
+            f"{source}: temporary lanes: a player that does not know lane layers has the "
+            "permanent ones alone, at best"
         )
     _add(node, source, content, folder, draft)
 
@@ -164,7 +166,8 @@ def _literal(node: Node, attribute: str) -> Path:
     """Path of an attribute; `$(…)` of ROS is not a parameter."""
     if "$" in node.get(attribute).replace("$(", ""):
         raise node.unsupported(
-            f"{attribute}={node.get(attribute)!r} is the value of a parameter, and files are taken along by name"
+            f"{attribute}={node.get(attribute)!r} is the value of a parameter, and files are "
+            "taken along by name"
         )
     return node.file(attribute)
 
@@ -192,8 +195,14 @@ _HEAD = 4096
 _BEGINNINGS = {
     "glTF, binary": rb"glTF[\x01\x02]\x00\x00\x00",
     "OpenSceneGraph, binary": rb"\xa1\x91\xfb\x6c|\x6c\xfb\x91\xa1",
-    "OpenSceneGraph, text": rb"#(?:Ascii|Version)\b|(?:osg::)?(?:Group|Geode|MatrixTransform|LOD|PagedLOD|Transform|Switch)\s*\{",
-    "OpenSceneGraph, older binary (ive)": rb"\x01\x00\x00\x00[\x00-\x2f]\x00\x00\x00|\x00\x00\x00\x01\x00\x00\x00[\x00-\x2f]",
+    "OpenSceneGraph, text": (
+        rb"#(?:Ascii|Version)\b|"
+        rb"(?:osg::)?(?:Group|Geode|MatrixTransform|LOD|PagedLOD|Transform|Switch)\s*\{"
+    ),
+    "OpenSceneGraph, older binary (ive)": (
+        rb"\x01\x00\x00\x00[\x00-\x2f]\x00\x00\x00|"
+        rb"\x00\x00\x00\x01\x00\x00\x00[\x00-\x2f]"
+    ),
     "FBX, binary": rb"Kaydara FBX Binary  \x00",
     "FBX, text": rb"; FBX \d",
     "3D Studio": rb"MM.{4}(?:\x02\x00|\x3d\x3d|\x00\xb0)",

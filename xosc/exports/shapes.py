@@ -45,7 +45,10 @@ def in_world(
             continue
         if position.tag not in told:
             told.add(position.tag)
-            yield f"{position.where}: {position.tag}: it is written as the place in the world that it is"
+            yield (
+                f"{position.where}: {position.tag}: it is written as the place in "
+                "the world that it is"
+            )
         holder.element.replace(position.element, world_position(place))
 
 
@@ -82,7 +85,9 @@ def polylines(
             del action.element.attrib["initialDistanceOffset"]
         if shape.tag not in told:
             told.add(shape.tag)
-            yield f"{shape.where}: {shape.tag}: it is written as a polyline of {len(places)} vertices"
+            yield (
+                f"{shape.where}: {shape.tag}: it is written as a polyline of {len(places)} vertices"
+            )
         trajectory.need("Shape").element.replace(shape.element, polyline(places, made))
 
 
@@ -254,7 +259,10 @@ def first_distances(document: Document, known: Mapping[str, InitialState]) -> It
 _STEADY = ("TargetDistanceSteadyState", "TargetTimeSteadyState")
 _TOLERANCES = ("targetTolerance", "targetToleranceMaster")
 _ENDED = ("endTransition", "completeState")
-_UNKNOWN = "the version has no steady states, and where the master is when this one begins is known only when it runs"
+_UNKNOWN = (
+    "the version has no steady states, and where the master is when this one begins is known only "
+    "when it runs"
+)
 
 
 def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
@@ -268,10 +276,12 @@ def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
         steady = next((state for tag in _STEADY for state in action.iter(tag)), None)
         if steady is None and not any(action.has(name) for name in _TOLERANCES):
             continue
-        # While the final speed is held both drive on: each target lies that way before the written one.
+        # While the final speed is held both drive on: each target lies that
+        # way before the written one.
         way, time = _held(action, steady, geometry) if steady is not None else (0.0, 0.0)
         master_way = time * abs(_speed(action, geometry) or 0.0)
-        # A tolerance ends the action when the target is that near: without it the target has to be nearer.
+        # A tolerance ends the action when the target is that near: without it
+        # the target has to be nearer.
         own, masters = (float(action.element.attrib.pop(name, "0")) for name in _TOLERANCES)
         _back(action.need("TargetPosition").only(), way + own, geometry)
         _back(action.need("TargetPositionMaster").only(), master_way + masters, geometry)
@@ -282,7 +292,8 @@ def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
                 speed.remove(child)
             _wait(action, time, document.node)
         yield (
-            f"{action.where}: SynchronizeAction: its targets are written {way + own:g} m and, for the master, "
+            f"{action.where}: SynchronizeAction: its targets are written {way + own:g} m and, for "
+            "the master, "
             f"{master_way + masters:g} m earlier, where the steady state or the tolerance begins"
         )
 
@@ -300,7 +311,8 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
             awaited = [node for node in meant(state, scenario) if node.element in around]
             if not awaited or state.get("state") not in _ENDED:
                 continue
-            # The end of an event is that of its last action: the delay would be right for one of them only.
+            # The end of an event is that of its last action: the delay would
+            # be right for one of them only.
             if any(len(list(node.iter("Action"))) > 1 for node in awaited):
                 raise state.unsupported(
                     f"what it waits for would end {time:g} s earlier, but for its other actions"
@@ -343,7 +355,8 @@ def _back(position: Node, distance: float, geometry: RoadGeometry) -> None:
         facing = geometry.direction(position.get("roadId"), position.int("laneId"))
     elif position.tag != "TrajectoryPosition":
         raise position.unsupported(
-            f"the target would have to be {distance:g} m earlier, and {position.tag} has no way back"
+            f"the target would have to be {distance:g} m earlier, and "
+            f"{position.tag} has no way back"
         )
     moved = along.float(name) - facing * distance
     if moved < 0.0:

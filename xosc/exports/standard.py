@@ -177,7 +177,8 @@ def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Docume
                 if used - declared:
                     name = min(used - declared)
                     raise node.unsupported(
-                        f"${name} is of the scenario, and since 1.2 entries of catalogues see their own only"
+                        f"${name} is of the scenario, and since 1.2 entries of catalogues see "
+                        "their own only"
                     )
     return in_version(catalog, version or catalog.version, draft)
 

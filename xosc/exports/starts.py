@@ -143,7 +143,8 @@ def as_expected(scenario: Node, known: Mapping[str, InitialState], during: State
     return state
 
 
-_DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "SynchronizeAction", "LaneChangeAction",
+_DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "SynchronizeAction",
+    "LaneChangeAction",
             "TeleportAction", "FollowTrajectoryAction")  # fmt: skip
 
 

@@ -3,7 +3,8 @@ catalogues.
 
 Modules:
 
-- `questions`: questions to rows of catalogues, batches and searches: conditions, order, near-duplicates
+- `questions`: questions to rows of catalogues, batches and searches: conditions,
+  order, near-duplicates
 - `tables`: the rows that questions are asked to, and copies of scenarios with all that they need
 - `xosc_list`: the command `xosc-list`
 
@@ -36,7 +37,8 @@ from xosc.writing.tags import Tag, Value, tags_of
 CLASS = "Class"
 """Type of the tag that names a scenario's class."""
 _SIGNS = {
-    "equalTo": "=", "notEqualTo": "≠", "greaterThan": ">", "greaterOrEqual": "≥", "lessThan": "<", "lessOrEqual": "≤",
+    "equalTo": "=", "notEqualTo": "≠", "greaterThan": ">", "greaterOrEqual": "≥", "lessThan": "<",
+    "lessOrEqual": "≤",
 }  # fmt: skip
 
 
@@ -141,7 +143,10 @@ class Listing:
             if tag.type in scenario.tags
         }
         if there:
-            return f"no scenario has {tag.type} {tag.value!r}; {like_or_nearest(_text(tag.value), sorted(there))}"
+            return (
+                f"no scenario has {tag.type} {tag.value!r}; "
+                f"{like_or_nearest(_text(tag.value), sorted(there))}"
+            )
         types = sorted({name for scenario in self.scenarios for name in scenario.tags})
         return f"no scenario has a tag {tag.type!r}; {nearest(tag.type, types)}"
 
@@ -302,9 +307,12 @@ def to_json(listing: Listing) -> str:
     """An object with all that is known of scenarios and catalogues."""
     scenarios = [
         {
-            "name": scenario.name, "class": scenario.label or None, "description": scenario.description, "path": str(scenario.path),
-            "road": scenario.road or None, "tags": dict(scenario.tags), "parameters": [_parameter(one) for one in scenario.parameters],
-            "variations": [{"path": str(one.path), "parameter_sets": one.size} for one in scenario.variations],
+            "name": scenario.name, "class": scenario.label or None,
+            "description": scenario.description, "path": str(scenario.path),
+            "road": scenario.road or None, "tags": dict(scenario.tags),
+            "parameters": [_parameter(one) for one in scenario.parameters],
+            "variations": [{"path": str(one.path),
+                "parameter_sets": one.size} for one in scenario.variations],
         }
         for scenario in listing.scenarios
     ]  # fmt: skip

@@ -32,8 +32,10 @@ _TOKEN = re.compile(
 )
 _WORDS = frozenset(("and", "or", "not", "between", "in", "is", "null", "like", "true", "false"))
 _SIGNS: dict[str, Callable[[Any, Any], Any]] = {
-    "=": lambda a, b: a == b, "==": lambda a, b: a == b, "!=": lambda a, b: a != b, "<>": lambda a, b: a != b,
-    "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,
+    "=": lambda a, b: a == b, "==": lambda a, b: a == b, "!=": lambda a, b: a != b, "<>": lambda a,
+    b: a != b,
+    "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a,
+    b: a >= b,
 }  # fmt: skip
 _ORDERED = ("<", "<=", ">", ">=")
 _COMPARISONS = "=, !=, <, <=, >, >=, between, in, like, is null"
@@ -58,9 +60,9 @@ class Question(NamedTuple):
 def condition(text: str, schema: pa.Schema) -> Question:
     """Return the condition that a text states on rows of a schema.
 
-    Columns, numbers (speeds also as `100 km/h`), texts in quotes, `true` and `false` are compared by =, !=, <, <=, >, >=,
-    `between … and …`, `in (…)`, `like '…%'` and `is [not] null`, and joined by `and`, `or`, `not`
-    and brackets. Absent values match `is null` alone.
+    Columns, numbers (speeds also as `100 km/h`), texts in quotes, `true` and `false` are compared
+    by =, !=, <, <=, >, >=, `between … and …`, `in (…)`, `like '…%'` and `is [not] null`, and joined
+    by `and`, `or`, `not` and brackets. Absent values match `is null` alone.
 
     Raises:
         UsageError: the text is no such condition, names an unknown column or compares different
@@ -292,7 +294,8 @@ def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
 
 
 SCALES = {
-    "ego_speed": 2.0, "partner_speed": 2.0, "closing_speed": 1.0, "gap": 5.0, "pair_thw": 0.5, "pair_ttc": 1.0, "pair_drac": 0.5,
+    "ego_speed": 2.0, "partner_speed": 2.0, "closing_speed": 1.0, "gap": 5.0, "pair_thw": 0.5,
+    "pair_ttc": 1.0, "pair_drac": 0.5,
     "limit": 3.0, "min_distance": 2.0,
 }  # fmt: skip
 """Difference in each column that counts as distance 1: m/s, m, s, m/s²"""

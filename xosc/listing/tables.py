@@ -108,14 +108,19 @@ def read_index(path: str | os.PathLike[str]) -> Index:
 
     file = table_of(path)
     if file is None:
-        told = f"questions are to catalogues ({INDEX}), batches and runs ({RUNS}) and searches ({EPISODES}); there is none"
+        told = (
+            f"questions are to catalogues ({INDEX}), batches and runs ({RUNS}) and searches "
+            f"({EPISODES}); there is none"
+        )
         raise UsageError(told, path=path)
     try:
         table = read_parquet(file)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidFile(f"not readable as Parquet: {reason(error)}", path=file) from None
     names = table.column_names
-    if file.name == INDEX and ("file" not in names or not pa.types.is_string(table.schema.field("file").type)):  # fmt: skip
+    if file.name == INDEX and (
+        "file" not in names or not pa.types.is_string(table.schema.field("file").type)
+    ):
         raise InvalidFile("an index has a column 'file' of texts", path=file)
     if file.name == RUNS and Path(path) not in (file, file.parent) and "name" in names:
         table = table.filter(pc.field("name") == Path(os.path.abspath(path)).name)

@@ -31,7 +31,10 @@ _EXAMPLES = (
     "xosc-list results --where \"min_ttc < 1 and verdict = 'failed'\" --sort impact_speed",
     "xosc-list highway_lead_brake --copy-to mine",
     'xosc-list --class "highway cut in" --verbose',
-    "xosc-list CATALOGUE --where \"class = 'highway cut in' and min_ttc < 2 and ego_speed between 22 and 33\" --sort min_ttc",
+    (
+        "xosc-list CATALOGUE --where \"class = 'highway cut in' and min_ttc < 2 and ego_speed "
+        'between 22 and 33" --sort min_ttc'
+    ),
     "xosc-list CATALOGUE --where \"trust = 'agree'\" --distinct --copy-to DIR",
 )
 _EPILOG = exit_codes("listed", "")

@@ -339,7 +339,10 @@ class _Inliner:
             return None
         if entry.catalog != catalog:
             name = Path(entry.path).name
-            message = f"no catalogue is called {quoted(catalog)}; {name}, called {quoted(entry.catalog)}, is taken by its file name"
+            message = (
+                f"no catalogue is called {quoted(catalog)}; {name}, called "
+                f"{quoted(entry.catalog)}, is taken by its file name"
+            )
             self._remarks.add(reference.remark(ENTRIES, message))
         self._remarks.add(*(_in_use(remark, entry) for remark in load(entry.path).remarks))
         return entry
@@ -379,7 +382,9 @@ class _Inliner:
 
 
 def _in_use(remark: Remark, entry: CatalogEntry) -> Remark:
-    """Return a remark on a catalogue; where it is on another entry, no run is inconclusive by it."""
+    """Return a remark on a catalogue; where it is on another entry, no run is
+    inconclusive by it.
+    """
     lines = [cast(int, element.sourceline or 0) for element in entry.element.iter()]
     return (
         remark

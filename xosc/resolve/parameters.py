@@ -128,7 +128,10 @@ class ParameterScope:
         assigned = assigned or {}
         for name, assignment in assigned.items():
             if name not in self.declarations:
-                message = f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}"
+                message = (
+                    f"there is no parameter {quoted(name)} to assign; "
+                    f"{nearest(name, self.declarations)}"
+                )
                 self._repair(assignment, ASSIGNED, message, "it is left out")
         for name in self.declarations:
             self._visible.pop(name, None)
@@ -257,7 +260,10 @@ class ParameterScope:
             except ValueError:
                 return parameter.value
             declaration = self._declared[name]
-            message = f"the text {quoted(parameter.value)} of the parameter {name} is in an expression; it counts as a number"
+            message = (
+                f"the text {quoted(parameter.value)} of the parameter {name} is in an expression; "
+                "it counts as a number"
+            )
             self._remarks.add(declaration.remark(NUMBERS, message))
             return value
         return operand(parameter.value, parameter.text)
@@ -286,7 +292,10 @@ class ParameterScope:
             )
             kind, spelled = "string", text
         if spelled != text and source.remark is not None:
-            message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            message = (
+                f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; "
+                f"{spelled} is meant"
+            )
             self._remarks.add(source.remark(TYPED, message))
         value = typed(kind, spelled)
         return ParameterDeclaration(name, kind, value, literal(kind, value, spelled))
@@ -385,7 +394,10 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
         except ValueError as error:
             raise declaration.invalid(f"the value of the variable {name}: {error}") from None
         if spelled != text:
-            message = f"the value of the variable {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            message = (
+                f"the value of the variable {name}: {quoted(text)} is not of type {kind}; "
+                f"{spelled} is meant"
+            )
             remarks.add(declaration.remark(TYPED, message))
         value = typed(kind, spelled)
         declared[name] = Variable(name, kind, value, literal(kind, value, spelled))

@@ -18,7 +18,9 @@ DECLARED_NAME_UID = "xosc.toolchain:xosc:1.0.0:parameters.declared_name_is_a_nam
 
 @rule(DECLARED_NAME_UID, kinds=("scenario", "catalog"))
 def declared_name_is_a_name(document: CheckedDocument) -> Iterator[Finding]:
-    """A declared parameter, variable or monitor must be named without `$`, which marks references."""
+    """A declared parameter, variable or monitor must be named without `$`, which
+    marks references.
+    """
     for element in document.elements(
         "ParameterDeclaration", "VariableDeclaration", "MonitorDeclaration"
     ):
@@ -59,7 +61,8 @@ def definitions_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     for declaration in on_cycles(uses):
         yield Finding(
             declaration,
-            f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself",
+            f"the value {declaration.get('value')!r} of "
+            f"{declaration.get('name')} depends on itself",
         )
 
 
@@ -87,7 +90,8 @@ def parameter_reference_is_declared(document: CheckedDocument) -> Iterator[Findi
             ):
                 yield Finding(
                     element,
-                    f"parameterRef: {unknown('parameter', name, document.names('ParameterDeclaration'))}",
+                    "parameterRef: "
+                    f"{unknown('parameter', name, document.names('ParameterDeclaration'))}",
                 )
 
 
@@ -99,7 +103,9 @@ def used_parameter_is_in_scope(document: CheckedDocument) -> Iterator[Finding]:
 
 @rule("asam.net:xosc:1.2.0:parameters.valid_parameter_declaration_in_catalogs", kinds=("catalog",))
 def parameter_of_catalog_entry_has_a_default(document: CheckedDocument) -> Iterator[Finding]:
-    """A parameter used in a catalogue entry shall be declared in that entry, with a default value."""
+    """A parameter used in a catalogue entry shall be declared in that entry,
+    with a default value.
+    """
     yield from _undeclared(document)
     for element, attribute, name in _used(document):
         declaration = document.declaration(element, name)
@@ -120,7 +126,8 @@ def _undeclared(document: CheckedDocument) -> Iterator[Finding]:
             known = document.names("ParameterDeclaration")
             yield Finding(
                 element,
-                f"{attribute}={element.get(attribute)!r}: {unknown('parameter', name, known)} in scope here",
+                f"{attribute}={element.get(attribute)!r}: "
+                f"{unknown('parameter', name, known)} in scope here",
             )
 
 
@@ -153,7 +160,9 @@ def variable_reference_is_declared(document: CheckedDocument) -> Iterator[Findin
     since=(1, 2),
 )
 def variable_is_no_parameter(document: CheckedDocument) -> Iterator[Finding]:
-    """A variableRef must not name a parameter: parameters keep their values while a scenario runs."""
+    """A variableRef must not name a parameter: parameters keep their values
+    while a scenario runs.
+    """
     parameters = frozenset(document.names("ParameterDeclaration")) - frozenset(
         document.names("VariableDeclaration")
     )
@@ -181,7 +190,9 @@ def monitor_reference_is_declared(document: CheckedDocument) -> Iterator[Finding
     since=(1, 1),
 )
 def distributed_parameter_is_declared(document: CheckedDocument) -> Iterator[Finding]:
-    """A parameter of a ParameterValueDistribution must be declared by the scenario that it is for."""
+    """A parameter of a ParameterValueDistribution must be declared by the
+    scenario that it is for.
+    """
     scenario = scenario_of(document)
     if scenario is None:
         return

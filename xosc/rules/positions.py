@@ -93,7 +93,8 @@ def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
             known = ", ".join(sorted(lanes, key=_from_left))
             yield Finding(
                 element,
-                f"laneId: there is no lane {lane!r} at s={s:g} of road {element.get('roadId')}, it has {known}",
+                f"laneId: there is no lane {lane!r} at s={s:g} of road {element.get('roadId')}, "
+                f"it has {known}",
             )
 
 
@@ -115,7 +116,8 @@ def relative_lane_position_has_one_distance(document: CheckedDocument) -> Iterat
         if len(given) != 1:
             yield Finding(
                 element,
-                f"{' and '.join(given) or 'neither ds nor dsLane'} given, one of the two is expected",
+                f"{' and '.join(given) or 'neither ds nor dsLane'} given, one "
+                "of the two is expected",
             )
 
 
@@ -141,7 +143,8 @@ def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
             if missing:
                 yield Finding(
                     part,
-                    f"the {local_name(part)} has no {missing[0]}, which the action's Timing asks for",
+                    f"the {local_name(part)} has no {missing[0]}, which the "
+                    "action's Timing asks for",
                 )
                 break
 
@@ -168,7 +171,8 @@ def nurbs_knots_fit_order(document: CheckedDocument) -> Iterator[Finding]:
         elif len(knots) != points + order:
             yield Finding(
                 element,
-                f"{len(knots)} knots, but {points} control points of order {order:g} need {points + order:g}",
+                f"{len(knots)} knots, but {points} control points of order {order:g} need "
+                f"{points + order:g}",
             )
         values = [value for knot in knots if (value := document.number(knot, "value")) is not None]
         if values != sorted(values):

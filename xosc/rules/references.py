@@ -69,7 +69,8 @@ def _ambiguous(document: CheckedDocument, holder: str) -> Iterator[Finding]:
             if name is not None and name in seen:
                 yield Finding(
                     element,
-                    f"{local_name(element)} {name!r} has the name of another, references to it are ambiguous",
+                    f"{local_name(element)} {name!r} has the name of another, references to it "
+                    "are ambiguous",
                 )
             elif name is not None:
                 seen.add(name)
@@ -307,7 +308,10 @@ def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Fi
     }
     for name, reference in references.items():
         if reference is not None and reference not in controllers:
-            message = f"reference: {unknown('traffic signal controller', reference, filter(None, controllers))}"
+            message = (
+                "reference: "
+                f"{unknown('traffic signal controller', reference, filter(None, controllers))}"
+            )
             yield Finding(controllers[name], message)
     for name in on_cycles(
         {
@@ -333,7 +337,8 @@ def phase_exists(document: CheckedDocument) -> Iterator[Finding]:
         if controller in phases and phase is not None and phase not in phases[controller]:
             yield Finding(
                 element,
-                f"phase: {unknown('phase', phase, phases[controller])} of the controller {controller!r}",
+                f"phase: {unknown('phase', phase, phases[controller])} of the controller "
+                f"{controller!r}",
             )
 
 
@@ -379,7 +384,10 @@ def catalog_entry_exists(document: CheckedDocument) -> Iterator[Finding]:
             yield Finding(element, str(error), "warning" if error.undecided else None)
             continue
         if entry is not None and entry.catalog != document.value(element, "catalogName"):
-            message = f"{Path(entry.path).name} has the entry, but its catalogue is called {entry.catalog!r}"
+            message = (
+                f"{Path(entry.path).name} has the entry, but its catalogue is called "
+                f"{entry.catalog!r}"
+            )
             yield Finding(element, message, "warning")
 
 
@@ -396,7 +404,8 @@ def assigned_parameter_is_declared(document: CheckedDocument) -> Iterator[Findin
             if name not in entry.parameters:
                 yield Finding(
                     assignment,
-                    f"parameterRef: {unknown('parameter', name, entry.parameters)} in the catalogue entry",
+                    f"parameterRef: {unknown('parameter', name, entry.parameters)} in the "
+                    "catalogue entry",
                 )
 
 

@@ -28,9 +28,9 @@ _PARTS = {
 }
 CHOICES = (
     "PrivateAction", "GlobalAction", "UserDefinedAction",
-    "LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction", "TrailerAction",
-    "EntityAction", "ParameterAction", "VariableAction", "MonitorAction", "InfrastructureAction", "TrafficSignalAction",
-    "TrafficAction",
+    "LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction",
+    "TrailerAction", "EntityAction", "ParameterAction", "VariableAction", "MonitorAction",
+    "InfrastructureAction", "TrafficSignalAction", "TrafficAction",
 )  # fmt: skip
 """Elements that hold one action of several kinds."""
 
@@ -94,7 +94,10 @@ def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
                 element, f"{attribute}: {unknown(kind, reference, [chain[-1] for chain in chains])}"
             )
         elif matches > 1:
-            message = f"{matches} {kind} elements are called {reference!r}; say which with the enclosing names, like 'act::name'"
+            message = (
+                f"{matches} {kind} elements are called {reference!r}; say which with the "
+                "enclosing names, like 'act::name'"
+            )
             yield Finding(element, f"{attribute}: {message}", "warning")
 
 
@@ -182,7 +185,8 @@ def start_trigger_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
         if trigger.find("ConditionGroup") is None:
             yield Finding(
                 trigger,
-                "the start trigger has no condition, so its element starts at once; leave it out to say so",
+                "the start trigger has no condition, so its element starts at once; "
+                "leave it out to say so",
             )
 
 

@@ -114,7 +114,8 @@ def _refuse_expressions(top: Node, source: Version, to: Version) -> None:
             newer = [function for function in _functions(text) if FUNCTIONS[function].since > to]
             if newer:
                 raise node.unsupported(
-                    f"{name}={text!r} uses {newer[0]}(), which OpenSCENARIO {to[0]}.{to[1]} does not have"
+                    f"{name}={text!r} uses {newer[0]}(), which OpenSCENARIO "
+                    f"{to[0]}.{to[1]} does not have"
                 )
 
 
@@ -158,7 +159,8 @@ def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: st
         value = element.get(attribute, "")
         if value.startswith("$"):
             raise UsageError(
-                f"{attribute}={value!r} may stand for {new!r}, which is {old!r} before {version[0]}.{version[1]}"
+                f"{attribute}={value!r} may stand for {new!r}, which is {old!r} before "
+                f"{version[0]}.{version[1]}"
             )
         if value == new:
             element.set(attribute, old)
@@ -234,7 +236,8 @@ def say_left_open(element: etree._Element) -> None:
 def _with_direction(condition: etree._Element) -> None:
     if "direction" not in condition.attrib:
         raise UsageError(
-            "without a direction it is the total acceleration, which versions before 1.2 do not have"
+            "without a direction it is the total acceleration, which versions "
+            "before 1.2 do not have"
         )
 
 
@@ -366,7 +369,9 @@ def _parent(element: etree._Element) -> etree._Element:
 
 
 def _without_white_space(element: etree._Element) -> None:
-    """An element that had no content may then hold comments, but no line breaks around them either."""
+    """An element that had no content may then hold comments, but no line breaks
+    around them either.
+    """
     element.text = (element.text or "").strip() or None
     for child in element:
         child.tail = (child.tail or "").strip() or None
@@ -466,7 +471,8 @@ RULES: tuple[VersionChange, ...] = (
 )
 
 EARLIER_CATEGORY = {
-    "motorcycle": "motorbike", "heavyTruck": "truck", "semitractor": "truck", "workMachine": "truck",
+    "motorcycle": "motorbike", "heavyTruck": "truck", "semitractor": "truck",
+    "workMachine": "truck",
     "standupScooter": "bicycle", "micromobilityDevice": "bicycle", "wheelchair": "bicycle",
     "landVehicle": "car", "other": "car", "aircraft": "car", "watercraft": "car",
 }  # fmt: skip

@@ -1,4 +1,6 @@
-"""System under test `acme`: brakes as soon as it could only just stop behind a participant ahead."""
+"""System under test `acme`: brakes as soon as it could only just stop behind a
+participant ahead.
+"""
 
 from __future__ import annotations
 

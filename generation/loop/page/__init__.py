@@ -103,7 +103,9 @@ def _classes(rows: list[Json], found: LoopResult) -> list[Json]:
 
 
 def _recorded(row: Json, played: Ran) -> Json:
-    """A scenario of the catalogue of recordings; classes that rules or model do not give are None."""
+    """A scenario of the catalogue of recordings; classes that rules or model do
+    not give are None.
+    """
     runs = played.files.get(f"{CATALOGUE}/{row['file']}", [])
     files = {
         "scenario": row["file"],

@@ -37,7 +37,10 @@ from schemas.common.errors import UsageError
 METHODS = {
     "cover": {
         "title": "**coverage**",
-        "meaning": "draws of the density, and runs that cover what is expected to fail and ask where failures begin",
+        "meaning": (
+            "draws of the density, and runs that cover what is expected to fail and ask where "
+            "failures begin"
+        ),
         "realistic": True,
     },
     "draws": {
@@ -304,8 +307,8 @@ class _Search:
     def _grouped(self) -> IntArray:
         """Region of each known failure (m,), from 0."""
         unit = self._unit(self._failures)
-        # Groups take memory by the square of their rows: of many failures even ones are grouped, and
-        # the others belong to the nearest one.
+        # Groups take memory by the square of their rows: of many failures even ones are grouped,
+        # and the others belong to the nearest one.
         some = np.linspace(0, len(unit) - 1, min(len(unit), _GROUPED)).astype(int)
         labels = np.unique(grouped(unit[some], self._settings.linked), return_inverse=True)[1]
         if len(some) < len(unit):

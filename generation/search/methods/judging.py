@@ -39,7 +39,8 @@ class JudgeCounts(NamedTuple):
     def __str__(self) -> str:
         alike = f", and {self.assumed} more by those around them" if self.assumed else ""
         return (
-            f"{many(self.judged, 'failure')} judged by {many(self.runs, 'run')} of careful drivers{alike}: "
+            f"{many(self.judged, 'failure')} judged by {many(self.runs, 'run')} of careful "
+            f"drivers{alike}: "
             f"{self.unprevented} that none of them prevents, set aside"
         )
 

@@ -185,7 +185,9 @@ class Policy(nn.Module):
         )
 
     def forward(self, step: int, observation: Tensor, state: State | None) -> tuple[Tensor, State]:
-        """Logits (n, bins) of a parameter's edit, and the new state, given the observation (n, 2d)."""
+        """Logits (n, bins) of a parameter's edit, and the new state, given the
+        observation (n, 2d).
+        """
         features, state = self.lstm(observation[None], state)
         return features[0] @ self.weight[step].T + self.bias[step], state
 

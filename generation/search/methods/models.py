@@ -52,7 +52,9 @@ class Frame:
         return self.whitening.forward(self.space.unit(theta)[:, self.varied])
 
     def points(self, coordinates: FloatArray) -> FloatArray:
-        """Points of coordinates (n, k), with nuisances as recorded; some may lie outside the box."""
+        """Points of coordinates (n, k), with nuisances as recorded; some may lie
+        outside the box.
+        """
         # Nuisances get their values from the prior; the middle of the box stands in until then.
         unit = np.full((len(coordinates), len(self.varied)), 0.5)
         unit[:, self.varied] = self.whitening.mean + coordinates @ self.whitening.factor.T

@@ -73,7 +73,10 @@ class Repeats(NamedTuple):
         found = (
             f"{self.lost} of {failures} did not fail again {same}: chance decides in the system"
             if self.lost
-            else f"{failures}, repeated {same}: {'all fail' if len(self.again) > 1 else 'it fails'} again"
+            else (
+                f"{failures}, repeated {same}: "
+                f"{'all fail' if len(self.again) > 1 else 'it fails'} again"
+            )
         )
         runs = int(self.runs.sum())
         if not runs:

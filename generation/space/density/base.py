@@ -195,7 +195,8 @@ class Whitening:
         constant = np.flatnonzero(spread <= 1e-12 * np.maximum(np.abs(theta).max(axis=0), 1.0))
         if len(constant):
             raise UsageError(
-                f"parameter {constant[0] + 1} is the same in all samples: a density can't hold it, pin it"
+                f"parameter {constant[0] + 1} is the same in all samples: a density "
+                "can't hold it, pin it"
             )
         try:
             # Of correlations, so that the test below does not depend on the parameters' units.
@@ -204,7 +205,8 @@ class Whitening:
             factor = np.zeros_like(covariance)
         if np.square(np.diag(factor)).min() < _INDEPENDENT:
             raise UsageError(
-                "one parameter follows exactly from others in all samples: a density can't hold it, pin it"
+                "one parameter follows exactly from others in all samples: a density "
+                "can't hold it, pin it"
             )
         return cls(theta.mean(axis=0), spread[:, None] * factor)
 

@@ -255,7 +255,8 @@ def _poisson(of: PoissonDistribution, _name: str) -> Marginal | str:
     counts = np.arange(max(low, 0.0), high + 1)
     if len(counts) > _MOST_CHOICES:
         raise UsageError(
-            f"a PoissonDistribution of {len(counts)} counts has more than can be searched: give it a Range"
+            f"a PoissonDistribution of {len(counts)} counts has more than can be "
+            "searched: give it a Range"
         )
     return _chosen(counts.tolist(), known.pmf(counts).tolist())
 

@@ -521,7 +521,8 @@ def _gaussians(density: Density, name: str) -> Components:
     gaussians = density.gaussians
     if gaussians is None:
         raise UsageError(
-            f"the density {name} can't be conditioned on pinned values; kde, mixture and gaussian can"
+            f"the density {name} can't be conditioned on pinned values; kde, "
+            "mixture and gaussian can"
         )
     return gaussians
 

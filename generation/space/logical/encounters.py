@@ -96,7 +96,9 @@ counterclockwise."""
 
 
 def _at_junctions() -> dict[str, Encounter]:
-    """Return the encounters at each of the two junctions; the T junction has one way straight on."""
+    """Return the encounters at each of the two junctions; the T junction has one
+    way straight on.
+    """
     encounters: dict[str, Encounter] = {}
     for name, (file, where) in _JUNCTIONS.items():
         is_crossroad = name == "four_way_intersection"
@@ -108,19 +110,24 @@ def _at_junctions() -> dict[str, Encounter]:
         )
         encounters |= {
             f"unsignalised_left_turn_{name}": Encounter(
-                f"The ego turns left in front of oncoming traffic, {where}", "left turn", Label.LEFT_TURN,
+                f"The ego turns left in front of oncoming traffic, {where}", "left turn",
+                Label.LEFT_TURN,
                 file, _course(EAST, SOUTH), "Oncoming", _course(WEST, EAST), STRAIGHT_ON, 2.5,
             ),
             f"unsignalised_right_turn_{name}": Encounter(
-                f"The ego turns right, a pedestrian crosses the road it turns into, {where}", "right turn", Label.RIGHT_TURN,
-                file, _course(SOUTH, EAST, 2), "Pedestrian", Crossing(LaneId(EAST, -2), 6.0), WALKING, 2.0,
+                f"The ego turns right, a pedestrian crosses the road it turns into, {where}",
+                "right turn", Label.RIGHT_TURN,
+                file, _course(SOUTH, EAST, 2), "Pedestrian", Crossing(LaneId(EAST, -2), 6.0),
+                WALKING, 2.0,
             ),
             f"unsignalised_straight_cross_{name}": Encounter(
-                f"The ego goes straight on and crosses another vehicle's way, {where}", "straight cross", Label.STRAIGHT_CROSS,
+                f"The ego goes straight on and crosses another vehicle's way, {where}",
+                "straight cross", Label.STRAIGHT_CROSS,
                 file, straight[0], "Crossing", *straight[1:],
             ),
             f"unsignalised_merging_{name}": Encounter(
-                f"The ego turns right behind a vehicle that goes straight on, {where}", "merging", Label.MERGING,
+                f"The ego turns right behind a vehicle that goes straight on, {where}", "merging",
+                Label.MERGING,
                 file, _course(SOUTH, EAST, 2), "Merging", _course(WEST, EAST, 2), STRAIGHT_ON, -1.5,
             ),
         }  # fmt: skip
@@ -129,15 +136,18 @@ def _at_junctions() -> dict[str, Encounter]:
 
 ENCOUNTERS = _at_junctions() | {
     "roundabout_entering": Encounter(
-        "The ego enters a roundabout in front of a vehicle in it", "roundabout entering", Label.ROUNDABOUT_ENTERING,
+        "The ego enters a roundabout in front of a vehicle in it", "roundabout entering",
+        Label.ROUNDABOUT_ENTERING,
         "roundabout", _course("1", "3"), "Circulating", _course("4", "2"), CIRCULATING, 2.5,
     ),
     "roundabout_exiting": Encounter(
-        "The ego leaves a roundabout, a pedestrian crosses the exit", "roundabout exiting", Label.ROUNDABOUT_EXITING,
+        "The ego leaves a roundabout, a pedestrian crosses the exit", "roundabout exiting",
+        Label.ROUNDABOUT_EXITING,
         "roundabout", _course("4", "2"), "Pedestrian", Crossing(LaneId("2", -1), 6.0), WALKING, 2.0,
     ),
     "roundabout_circulating": Encounter(
-        "The ego goes round in a roundabout, a vehicle enters before it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,
+        "The ego goes round in a roundabout, a vehicle enters before it", "roundabout circulating",
+        Label.ROUNDABOUT_CIRCULATING,
         "roundabout", _course("4", "3"), "Entering", _course("1", "3"), CIRCULATING, -1.5,
     ),
 }  # fmt: skip
@@ -254,7 +264,10 @@ class EncounterScenario:
             for name, entries in choices.items()
         ]
         slowing = f"$Ego_SlowingTime_s + {self.meeting.ego} / $Ego_JunctionSpeed_mps"
-        start = f"max({_LEAST}, {self.meeting.other} / ${other}_Speed_mps - ${other}_ArrivalGap_s - ({slowing}))"
+        start = (
+            f"max({_LEAST}, {self.meeting.other} / ${other}_Speed_mps - ${other}_ArrivalGap_s - "
+            f"({slowing}))"
+        )
         worked_out = {_START: start, _ARRIVAL: f"${_START} + {slowing}"}
         return (
             numbers
@@ -268,7 +281,10 @@ class EncounterScenario:
     # parts of the scenario
 
     def _init_ego(self) -> list[Any]:
-        way = f"$Ego_Speed_mps * ${_START} + ($Ego_Speed_mps + $Ego_JunctionSpeed_mps) / 2 * $Ego_SlowingTime_s"
+        way = (
+            f"$Ego_Speed_mps * ${_START} + ($Ego_Speed_mps + $Ego_JunctionSpeed_mps) / 2 * "
+            "$Ego_SlowingTime_s"
+        )
         return self._on_arm(self.encounter.ego, f"${{{way}}}", f"${EGO}_Speed_mps")
 
     def _init_other(self) -> list[Any]:

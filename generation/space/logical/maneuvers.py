@@ -91,15 +91,18 @@ MANEUVERS = {
     ),
     "cut_out": LogicalManeuver(
         "The ego's leader leaves its lane to the left, in front of a slower vehicle",
-        "CutOut", "CutOut", "right", "right", 1, EVERYWHERE, Label.CUT_OUT, Label.URBAN_CUT_OUT, ahead="Slow",
+        "CutOut", "CutOut", "right", "right", 1, EVERYWHERE, Label.CUT_OUT, Label.URBAN_CUT_OUT,
+        ahead="Slow",
     ),
     "lane_change_left": LogicalManeuver(
         "The ego changes to the left behind a leader",
-        EGO, "Lead", "right", "right", 1, EVERYWHERE, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_LEFT,
+        EGO, "Lead", "right", "right", 1, EVERYWHERE, Label.LANE_CHANGE_LEFT,
+        Label.LANE_CHANGE_LEFT,
     ),
     "lane_change_right": LogicalManeuver(
         "The ego changes to the right behind a leader",
-        EGO, "Lead", "left", "left", -1, EVERYWHERE, Label.LANE_CHANGE_RIGHT, Label.LANE_CHANGE_RIGHT,
+        EGO, "Lead", "left", "left", -1, EVERYWHERE, Label.LANE_CHANGE_RIGHT,
+        Label.LANE_CHANGE_RIGHT,
     ),
     "congestion": LogicalManeuver(
         "The ego's leader brakes at the end of a queue that fills both lanes",
@@ -281,7 +284,10 @@ class ManeuverScenario:
     @property
     def _way(self) -> str:
         """Way of the actor during the manoeuvre."""
-        return f"({self._role('start_speed')} + {self._role('end_speed')}) / 2 * {self._role('duration')}"
+        return (
+            f"({self._role('start_speed')} + {self._role('end_speed')}) / 2 * "
+            f"{self._role('duration')}"
+        )
 
     # parts of the scenario
 
@@ -314,7 +320,10 @@ class ManeuverScenario:
         """Initial gap to the one ahead that the leader evades at the last moment."""
         speed = self._speed(name)
         during = f"max({self._way} - {speed} * {self._role('duration')}, 0)"
-        return f"{_EVADED} + {during} + max({self._speed(self.maneuver.leader)} - {speed}, 0) * ({self._delay})"
+        return (
+            f"{_EVADED} + {during} + max({self._speed(self.maneuver.leader)} - {speed}, 0) * "
+            f"({self._delay})"
+        )
 
     def _changes(self) -> list[tuple[str, int]]:
         """Return the vehicles that change speed, each with the number of lanes it moves to the

@@ -255,7 +255,10 @@ class PairScenario:
     # parts of the scenario
 
     def _ego(self) -> list[Any]:
-        s = f"${{{_PLACE.spot} - ({self._terms[self.pair.first.actor]['gap']} + {LENGTH} + ${EGO}_Speed_mps * {LEAD_IN})}}"
+        s = (
+            f"${{{_PLACE.spot} - ({self._terms[self.pair.first.actor]['gap']} + {LENGTH} + "
+            f"${EGO}_Speed_mps * {LEAD_IN})}}"
+        )
         place = maneuvers.lane_position(_PLACE.road, self.pair.ego_lane, s)
         return [maneuvers.teleport(place), maneuvers.speed(f"${EGO}_Speed_mps")]
 
@@ -342,7 +345,9 @@ class PairUnits(ABC):
 
     @property
     def alone(self) -> list[Alone]:
-        """Parameters of each acting adversary; gap and speed of the ego are those of the first one."""
+        """Parameters of each acting adversary; gap and speed of the ego are
+        those of the first one.
+        """
         return [_alone(self.every, part, nearest=part is self.first) for part in self.parts]
 
     @property

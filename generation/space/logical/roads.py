@@ -71,7 +71,8 @@ ROADS = {
         "motorway with an on-ramp", (*_MOTORWAY, "RoadTypeSlip"),
     ),
     "highway_off_ramp": LibraryRoad(
-        partial(builders.off_ramp, upstream=900.0, deceleration=400.0, ramp=500.0, downstream=800.0),
+        partial(builders.off_ramp, upstream=900.0, deceleration=400.0, ramp=500.0,
+            downstream=800.0),
         "motorway with an off-ramp", (*_MOTORWAY, "RoadTypeSlip"),
     ),
     "sharp_curve": LibraryRoad(
@@ -82,15 +83,19 @@ ROADS = {
         partial(builders.narrow_road, lanes=2, lane_width=2.75, length=700.0),
         "narrow road", ("HorizontalStraights", "RoadTypeMinor"),
     ),
-    "intersection_four_way": LibraryRoad(builders.four_way_intersection, "four-way intersection", _CROSSROAD),
+    "intersection_four_way": LibraryRoad(builders.four_way_intersection, "four-way intersection",
+        _CROSSROAD),
     "intersection_four_way_two_lanes": LibraryRoad(
-        partial(builders.four_way_intersection, lanes=2, arm=400.0), "four-way intersection of two-lane roads", _CROSSROAD
+        partial(builders.four_way_intersection, lanes=2, arm=400.0),
+        "four-way intersection of two-lane roads", _CROSSROAD
     ),
     "t_junction_two_lanes": LibraryRoad(
-        partial(builders.t_junction, lanes=2, arm=400.0), "T junction of two-lane roads", _T_JUNCTION
+        partial(builders.t_junction, lanes=2, arm=400.0), "T junction of two-lane roads",
+        _T_JUNCTION
     ),
     "roundabout": LibraryRoad(
-        partial(builders.roundabout, arm=400.0), "roundabout", ("JunctionRoundabout", "RoadTypeMinor", "RoundaboutNormal")
+        partial(builders.roundabout, arm=400.0), "roundabout",
+        ("JunctionRoundabout", "RoadTypeMinor", "RoundaboutNormal")
     ),
 }  # fmt: skip
 """By the names of their files in `xodr/library`."""

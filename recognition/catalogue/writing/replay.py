@@ -28,7 +28,9 @@ _BUILDERS = {
 
 
 class _Limits(NamedTuple):
-    """Limits of a category of vehicles: greatest speed (m/s), acceleration and deceleration (m/s²)."""
+    """Limits of a category of vehicles: greatest speed (m/s), acceleration and
+    deceleration (m/s²).
+    """
 
     max_speed: float
     max_acceleration: float

@@ -40,8 +40,8 @@ RANGES = {parameter.name: (parameter.low, parameter.high) for parameter in PARAM
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
-"""Begin of a manoeuvre: the start time, or an earlier one where some entity could not keep its speed
-until then"""
+"""Begin of a manoeuvre: the start time, or an earlier one where some entity could not keep its
+speed until then"""
 TRIGGER_GAP = "TriggerGap_m"
 """The longest gap at which the manoeuvre begins"""
 

@@ -305,7 +305,10 @@ class CatalogWriter:
         facts = _facts(context, self._sorted_by)
         conditions = context.material.conditions
         tagged = tags(episode.name, episode.title, scene, facts, conditions)
-        described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.material.source.name}"
+        described = (
+            f"{episode.title}: {scene.ego.track.category} {episode.ego} of "
+            f"{context.material.source.name}"
+        )
         properties = xosc_tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
         header = FileHeader(
             f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties

@@ -135,7 +135,9 @@ RATE = 1.0
 
 
 class Errors(NamedTuple):
-    """Root mean squares over one unit's scene, m: across the lane (RMSE_t) and along it (RMSE_s)."""
+    """Root mean squares over one unit's scene, m: across the lane (RMSE_t) and
+    along it (RMSE_s).
+    """
 
     lateral: float
     longitudinal: float

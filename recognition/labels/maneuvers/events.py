@@ -99,7 +99,8 @@ def _lane_change(
     unit = segmentation.of_change(index, _UNITS[kind], passive)
     if abs(unit.shift) < _SIDEWAYS:
         raise Unsupported(
-            f"the lane change covers {abs(unit.shift):.1f} m sideways only, which does not stand out from drifting"
+            f"the lane change covers {abs(unit.shift):.1f} m sideways only, which does not stand "
+            "out from drifting"
         )
     return unit
 
@@ -131,7 +132,8 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Re
         found = estimate(motion, unit)
     if found is None:
         raise Unsupported(
-            "the other vehicle is not ahead of the ego when the manoeuvre begins, or was not recorded then"
+            "the other vehicle is not ahead of the ego when the manoeuvre begins, or was not "
+            "recorded then"
         )
     begin, ego, other, approach = float(time[unit.start]), tracks[names[own]], None, LONGEST
     if not unit.alone:

@@ -42,12 +42,14 @@ BY_CONTENT = False
 _FILE = "columns.toml"
 _SUFFIXES = (".csv", ".parquet", ".feather")
 _COLUMNS: dict[str, Kind] = {
-    "track": "text", "time": "number", "x": "number", "y": "number", "heading": "number", "speed": "number",
+    "track": "text", "time": "number", "x": "number", "y": "number", "heading": "number",
+    "speed": "number",
     "length": "number", "width": "number", "category": "text",
 }  # fmt: skip
 _NEEDED = ("track", "time", "x", "y")
 _CATEGORIES = (
-    "car", "van", "truck", "bus", "trailer", "tram", "motorbike", "bicycle", "pedestrian", "obstacle",
+    "car", "van", "truck", "bus", "trailer", "tram", "motorbike", "bicycle", "pedestrian",
+    "obstacle",
 )  # fmt: skip
 _UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "frames": math.nan},

@@ -62,12 +62,14 @@ _SCENARIO, _MAP = "scenario_", "log_map_archive_"
 _LOGS = ("annotations.feather", "annotations_with_ego.feather")
 _POSES = "city_SE3_egovehicle.feather"
 _TRACKS: dict[str, Kind] = {
-    "track_id": "text", "timestep": "whole", "object_type": "text", "position_x": "number", "position_y": "number",
+    "track_id": "text", "timestep": "whole", "object_type": "text", "position_x": "number",
+    "position_y": "number",
     "heading": "number", "velocity_x": "number", "velocity_y": "number", "city": "text",
 }  # fmt: skip
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _POSE: dict[str, Kind] = {
-    "timestamp_ns": "stamp", **dict.fromkeys(_QUATERNION, "number"), **dict.fromkeys(("tx_m", "ty_m", "tz_m"), "number"),
+    "timestamp_ns": "stamp", **dict.fromkeys(_QUATERNION, "number"),
+    **dict.fromkeys(("tx_m", "ty_m", "tz_m"), "number"),
 }  # fmt: skip
 _SIZES = ("length_m", "width_m")
 _BOXES: dict[str, Kind] = {
@@ -77,19 +79,27 @@ _BOXES: dict[str, Kind] = {
     **dict.fromkeys(_SIZES, "number"),
 }
 _TYPES = {
-    "vehicle": "car", "bus": "bus", "motorcyclist": "motorbike", "cyclist": "bicycle", "pedestrian": "pedestrian",
-    "static": "obstacle", "background": "obstacle", "construction": "obstacle", "riderless_bicycle": "obstacle",
+    "vehicle": "car", "bus": "bus", "motorcyclist": "motorbike", "cyclist": "bicycle",
+    "pedestrian": "pedestrian",
+    "static": "obstacle", "background": "obstacle", "construction": "obstacle",
+    "riderless_bicycle": "obstacle",
     "unknown": "obstacle",
 }  # fmt: skip
 _RIDERS = ("bicyclist", "motorcyclist", "wheeled_rider")
 _CATEGORIES = {
-    "regular_vehicle": "car", "large_vehicle": "van", "box_truck": "truck", "truck": "truck", "truck_cab": "truck",
-    "bus": "bus", "school_bus": "bus", "articulated_bus": "bus", "railed_vehicle": "tram", "vehicular_trailer": "trailer",
-    "message_board_trailer": "trailer", "traffic_light_trailer": "trailer", "motorcycle": "motorbike", "bicycle": "bicycle",
-    "wheeled_device": "bicycle", "pedestrian": "pedestrian", "official_signaler": "pedestrian", "stroller": "pedestrian",
+    "regular_vehicle": "car", "large_vehicle": "van", "box_truck": "truck", "truck": "truck",
+    "truck_cab": "truck",
+    "bus": "bus", "school_bus": "bus", "articulated_bus": "bus", "railed_vehicle": "tram",
+    "vehicular_trailer": "trailer",
+    "message_board_trailer": "trailer", "traffic_light_trailer": "trailer",
+    "motorcycle": "motorbike", "bicycle": "bicycle",
+    "wheeled_device": "bicycle", "pedestrian": "pedestrian", "official_signaler": "pedestrian",
+    "stroller": "pedestrian",
     "wheelchair": "pedestrian", "animal": "obstacle", "dog": "obstacle", "bollard": "obstacle",
-    "construction_barrel": "obstacle", "construction_cone": "obstacle", "mobile_pedestrian_crossing_sign": "obstacle",
-    "sign": "obstacle", "stop_sign": "obstacle", "ego_vehicle": "car", **dict.fromkeys(_RIDERS, "pedestrian"),
+    "construction_barrel": "obstacle", "construction_cone": "obstacle",
+    "mobile_pedestrian_crossing_sign": "obstacle",
+    "sign": "obstacle", "stop_sign": "obstacle", "ego_vehicle": "car",
+    **dict.fromkeys(_RIDERS, "pedestrian"),
 }  # fmt: skip
 _EGO_SIZE = (4.877, 2.0)
 """Length and width of the recording vehicles (m), as logs that list them have it"""
@@ -222,7 +232,8 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
         for (name, kind), count in left_out.items()
     ]
     report.remarks.append(
-        "sweeps are put on a clock of 10 Hz; speeds and accelerations are derived from the positions"
+        "sweeps are put on a clock of 10 Hz; speeds and accelerations are "
+        "derived from the positions"
     )
     x = np.append(x[kept], ego[0][:, 0] + own.box.x * np.cos(heading))[rows.order]
     y = np.append(y[kept], ego[0][:, 1] + own.box.x * np.sin(heading))[rows.order]
@@ -415,7 +426,10 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     ]
     notes = [
         "the map gives no speed limits; its roads are taken for those of a town",
-        "the map has no traffic lights: whether its junctions have some is not known, they count as some without",
+        (
+            "the map has no traffic lights: whether its junctions have some is not known, they "
+            "count as some without"
+        ),
     ]
     notes += [f"lane segments without a length are left out: {' '.join(short)}"] if short else []
     return drawn(lanelets, site, folder, crosswalks, notes)

@@ -44,9 +44,11 @@ from xodr.formats.commonroad import (
 from xodr.formats.lanelet2 import Lanelet, build
 
 _CATEGORIES = {
-    "car": "car", "taxi": "car", "priorityVehicle": "car", "parkedVehicle": "car", "truck": "truck", "bus": "bus",
+    "car": "car", "taxi": "car", "priorityVehicle": "car", "parkedVehicle": "car", "truck": "truck",
+    "bus": "bus",
     "train": "tram", "motorcycle": "motorbike", "bicycle": "bicycle", "pedestrian": "pedestrian",
-    "constructionZone": "obstacle", "roadBoundary": "obstacle", "building": "obstacle", "pillar": "obstacle",
+    "constructionZone": "obstacle", "roadBoundary": "obstacle", "building": "obstacle",
+    "pillar": "obstacle",
     "median_strip": "obstacle", "unknown": "obstacle",
 }  # fmt: skip
 _ELEMENTS = (
@@ -68,7 +70,8 @@ _OTHERS = (
 )
 """Other elements of a scenario."""
 _WEATHER = {
-    "sunny": "clear", "cloudy": "cloudy", "light_rain": "rain", "mid_rain": "rain", "heavy_rain": "rain",
+    "sunny": "clear", "cloudy": "cloudy", "light_rain": "rain", "mid_rain": "rain",
+    "heavy_rain": "rain",
     "fog": "fog", "snow": "snow", "hail": "hail",
 }  # fmt: skip
 _TIMES = {"day": "day", "night": "night"}
@@ -464,7 +467,8 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     built = build(
         [
             Lanelet(
-                one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left, one.beside_right,
+                one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left,
+                one.beside_right,
                 lane_type(one.types), kind(one), one.limit,
             )
             for one in found

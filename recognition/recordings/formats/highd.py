@@ -45,11 +45,14 @@ FORMAT = "highD"
 TITLE = "highD"
 BY_CONTENT = False
 _TRACKS: dict[str, Kind] = {
-    "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number", "height": "number",
-    "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number", "yAcceleration": "number", "laneId": "whole",
+    "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number",
+    "height": "number",
+    "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number",
+    "yAcceleration": "number", "laneId": "whole",
 }  # fmt: skip
 _VEHICLES: dict[str, Kind] = {
-    "id": "whole", "width": "number", "height": "number", "class": "text", "drivingDirection": "whole",
+    "id": "whole", "width": "number", "height": "number", "class": "text",
+    "drivingDirection": "whole",
     "initialFrame": "whole", "finalFrame": "whole",
 }  # fmt: skip
 _RECORDING: dict[str, Kind] = {
@@ -79,7 +82,9 @@ def claims(path: Path) -> bool:
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
-    """The recording of a track file; its road is written into the folder `roads` when it is loaded."""
+    """The recording of a track file; its road is written into the folder `roads`
+    when it is loaded.
+    """
     return [
         Source(
             f"{path.parent.name}/{number(path)}",
@@ -146,7 +151,9 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], direction: I
 
 
 def _heading(vx: FloatArray, vy: FloatArray, ahead: FloatArray) -> FloatArray:
-    """Direction of motion within a right angle of the driving direction, `ahead` = ±1 along x; rad."""
+    """Direction of motion within a right angle of the driving direction, `ahead`
+    = ±1 along x; rad.
+    """
     # A lower bound of the speed along the road: the slower a vehicle, the nearer its heading to the
     # road.
     onwards = np.maximum(ahead * vx, _STEADY)

@@ -48,9 +48,11 @@ FORMAT = "inD"
 TITLE = "inD, rounD, exiD, uniD"
 BY_CONTENT = False
 _TRACKS: dict[str, Kind] = {
-    "trackId": "whole", "frame": "whole", "xCenter": "number", "yCenter": "number", "heading": "number",
+    "trackId": "whole", "frame": "whole", "xCenter": "number", "yCenter": "number",
+    "heading": "number",
     "width": "optional", "length": "optional",
-    "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number", "yAcceleration": "number",
+    "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number",
+    "yAcceleration": "number",
 }  # fmt: skip
 _PARTICIPANTS: dict[str, Kind] = {
     "trackId": "whole", "initialFrame": "whole", "finalFrame": "whole", "class": "text",
@@ -64,7 +66,8 @@ _PLACE: dict[str, Kind] = {
 }
 _SIZES = ("length", "width")
 _CATEGORIES = {
-    "car": "car", "van": "van", "truck": "truck", "truck_bus": "truck", "bus": "bus", "trailer": "trailer",
+    "car": "car", "van": "van", "truck": "truck", "truck_bus": "truck", "bus": "bus",
+    "trailer": "trailer",
     "motorcycle": "motorbike", "bicycle": "bicycle", "pedestrian": "pedestrian",
 }  # fmt: skip
 _UNSIZED = ("pedestrian", "bicycle")

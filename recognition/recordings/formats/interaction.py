@@ -73,7 +73,8 @@ _BOX: dict[str, Kind] = {"psi_rad": "optional", **dict.fromkeys(_SIZES, "optiona
 _CATEGORIES = {
     "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
     "motorcycle": "motorbike", "motorbike": "motorbike", "tricycle": "motorbike",
-    "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
+    "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian",
+    "pedestrian/bicycle": "pedestrian",
 }  # fmt: skip
 _FULL_TURN = 7.0
 """Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
@@ -296,7 +297,8 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
     if np.abs(h).max() > _FULL_TURN and not facing(h, vx, vy) and facing(np.radians(h), vx, vy):
         h = np.radians(h)
         report.remarks.append(
-            "the headings are taken as degrees: they go beyond a full turn, and agree with the motion as degrees"
+            "the headings are taken as degrees: they go beyond a full turn, and agree with the "
+            "motion as degrees"
         )
     if not credible and not facing(h, vx, vy):
         h = heading_of_motion(vx, vy, rows)

@@ -65,14 +65,17 @@ _PERIOD = 60_000
 """Clocks of two periods of recording differ by more than this, ms."""
 
 _PUBLIC: dict[str, Kind] = {
-    "vehicle_id": "whole", "frame_id": "whole", "local_x": "number", "local_y": "number", "v_vel": "number",
+    "vehicle_id": "whole", "frame_id": "whole", "local_x": "number", "local_y": "number",
+    "v_vel": "number",
 }  # fmt: skip
 _PUBLIC_MORE: dict[str, Kind] = {
-    "global_time": "whole", "v_length": "number", "v_width": "number", "v_class": "whole", "v_acc": "number", "lane_id": "whole",
+    "global_time": "whole", "v_length": "number", "v_width": "number", "v_class": "whole",
+    "v_acc": "number", "lane_id": "whole",
     "location": "text",
 }  # fmt: skip
 _METRIC: dict[str, Kind] = {
-    "vehicle_id": "whole", "sim_time": "number", "position_x": "number", "position_y": "number", "heading_rad": "number",
+    "vehicle_id": "whole", "sim_time": "number", "position_x": "number", "position_y": "number",
+    "heading_rad": "number",
     "speed": "number", "lane_id": "whole", "type": "whole", "length": "number", "width": "number",
 }  # fmt: skip
 _PUBLIC_CONSTANTS, _METRIC_CONSTANTS = (
@@ -81,8 +84,9 @@ _PUBLIC_CONSTANTS, _METRIC_CONSTANTS = (
 )
 """Columns with what a vehicle is, and its sizes"""
 _HEADLESS = (
-    "vehicle_id", "frame_id", "total_frames", "global_time", "local_x", "local_y", "global_x", "global_y", "v_length", "v_width",
-    "v_class", "v_vel", "v_acc", "lane_id", "preceding", "following", "space_headway", "time_headway",
+    "vehicle_id", "frame_id", "total_frames", "global_time", "local_x", "local_y", "global_x",
+    "global_y", "v_length", "v_width", "v_class", "v_vel", "v_acc", "lane_id", "preceding",
+    "following", "space_headway", "time_headway",
 )  # fmt: skip
 """Columns of the text without a header"""
 _CATEGORIES = {1: "motorbike", 2: "car", 3: "truck"}

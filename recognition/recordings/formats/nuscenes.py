@@ -62,9 +62,12 @@ _BOXES: dict[str, Kind] = {
     **_POSE,
 }
 _CATEGORIES = {
-    "vehicle.car": "car", "vehicle.emergency": "car", "vehicle.truck": "truck", "vehicle.construction": "truck",
-    "vehicle.bus": "bus", "vehicle.trailer": "trailer", "vehicle.motorcycle": "motorbike", "vehicle.bicycle": "bicycle",
-    "human.pedestrian": "pedestrian", "animal": "obstacle", "movable_object": "obstacle", "static_object": "obstacle",
+    "vehicle.car": "car", "vehicle.emergency": "car", "vehicle.truck": "truck",
+    "vehicle.construction": "truck",
+    "vehicle.bus": "bus", "vehicle.trailer": "trailer", "vehicle.motorcycle": "motorbike",
+    "vehicle.bicycle": "bicycle",
+    "human.pedestrian": "pedestrian", "animal": "obstacle", "movable_object": "obstacle",
+    "static_object": "obstacle",
 }  # fmt: skip
 """Category by the beginning of nuScenes's name"""
 
@@ -174,7 +177,8 @@ def _read(path: Path, scene: str) -> tuple[Recording, Report]:
     rows = in_order(table, track, Clock("timestamp", counts, 1.0 / _STEP, _STEP), names=names)
     report = rows.report(names)
     report.remarks.append(
-        "boxes are given at 2 Hz: rows at 10 Hz between them are interpolated, speeds are derived from them"
+        "boxes are given at 2 Hz: rows at 10 Hz between them are interpolated, speeds "
+        "are derived from them"
     )
     who = [one.who for one in objects]
     speed = rate(x, rows) * np.cos(h) + rate(y, rows) * np.sin(h)
@@ -350,7 +354,10 @@ def _road(path: Path, scene: str, recording: Recording, folder: Path) -> SiteRoa
     notes = [
         f"the road has the lanes within {_AROUND:g} m of where vehicles were",
         "the map gives no speed limits; its roads are taken for those of a town",
-        "which lanes traffic lights are for is not in the map: junctions count as some without lights",
+        (
+            "which lanes traffic lights are for is not in the map: junctions count as some "
+            "without lights"
+        ),
     ]
     notes += (
         [f"{left_out} centre lines of less than {_SHORTEST:g} m are left out"] if left_out else []

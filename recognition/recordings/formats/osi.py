@@ -112,7 +112,8 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
     found = road_of(path, _trace(path, path.stat().st_mtime_ns), folder)
     if found is None:
         raise UsageError(
-            f"{path.stem} has no road: no map, no lanes, and no {path.stem}.xodr beside it; give one by --road",
+            f"{path.stem} has no road: no map, no lanes, and no {path.stem}.xodr beside it; give "
+            "one by --road",
             path=path,
         )
     return SiteRoad(found.path, notes=found.notes)

@@ -3,9 +3,9 @@
 Source: Xu et al., "SIND: A Drone Dataset at Signalized Intersection in China" (ITSC 2022), and the
 data set's Format.md. A recording is a folder with `Veh_smoothed_tracks.csv` and perhaps
 `Ped_smoothed_tracks.csv`, in columns like those of INTERACTION: `yaw_rad` is the direction of the
-box, `heading_rad` that of the motion, and `timestamp_ms` has decimals. Positions are centres, in the
-frame of the site's Lanelet2 map: the only `.osm` file beside the tracks, or in the nearest folder
-above that has one.
+box, `heading_rad` that of the motion, and `timestamp_ms` has decimals. Positions are centres, in
+the frame of the site's Lanelet2 map: the only `.osm` file beside the tracks, or in the nearest
+folder above that has one.
 
 Beside them is a file with the phases of the traffic lights, by numbers that only a picture of the
 site places: it says that the site has lights, and their states are not read.

@@ -7,7 +7,8 @@ converter. `objects` have a type, a size, and lists of positions (middles of box
 (rad) and velocities (m/s), which count where `valid` is true. `metadata.sdc_track_index` is the
 index of the recording vehicle. `roads` are lines: centre lines of lanes, marks, edges, crosswalks;
 `map_element_id` tells freeways. Which lanes follow each other is in TFRecord files only, as are
-speed limits. `tl_states` has the states of traffic lights by the ids of the lanes that they are for.
+speed limits. `tl_states` has the states of traffic lights by the ids of the
+lanes that they are for.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Scenarios of Waymo Open Motion in TFRecord files, as objects in the form of GPUDrive's JSON; without
-TensorFlow.
+"""Scenarios of Waymo Open Motion in TFRecord files, as objects in the form of GPUDrive's JSON;
+without TensorFlow.
 
 Source: the data set's scenario.proto and map.proto (version 1.3); the formats of TFRecord (length,
 masked CRC-32C of it, content, masked CRC-32C of that) and of protocol buffers. Only fields that a
@@ -35,7 +35,8 @@ _POINT_TAGS = (0x09, 0x11, 0x19)
 _STEP, _TOLERANCE = 0.1, 0.01
 _KINDS = ("unset", "vehicle", "pedestrian", "cyclist", "other")
 _STATES = (
-    "unknown", "arrow_stop", "arrow_caution", "arrow_go", "stop", "caution", "go", "flashing_stop", "flashing_caution",
+    "unknown", "arrow_stop", "arrow_caution", "arrow_go", "stop", "caution", "go", "flashing_stop",
+    "flashing_caution",
 )  # fmt: skip
 _MPH = 0.44704
 _LANE, _LINE, _EDGE, _CROSSWALK = 3, 4, 5, 8
@@ -98,8 +99,8 @@ def is_scenario(path: Path) -> bool:
 
 
 def scene(path: Path, number: int) -> dict[str, Any]:
-    """The scenario of a record, from 0, in the form of GPUDrive's JSON; lanes also with `speed_limit`
-    (m/s) and `exits`.
+    """The scenario of a record, from 0, in the form of GPUDrive's JSON; lanes also with
+    `speed_limit` (m/s) and `exits`.
 
     Raises:
         InvalidFile: the record is damaged, or no Scenario; names the record.
@@ -339,7 +340,11 @@ def _feature(feature: Message) -> Iterator[dict[str, Any]]:
             "exits": [str(number) for number in _packed(found.get(10, []))],
             **({"speed_limit": _MPH * limit} if limit > 0.0 else {}),
         }
-    for field, kind, points in ((_LINE, "road_line", 2), (_EDGE, "road_edge", 2), (_CROSSWALK, "crosswalk", 1)):  # fmt: skip
+    for field, kind, points in (
+        (_LINE, "road_line", 2),
+        (_EDGE, "road_edge", 2),
+        (_CROSSWALK, "crosswalk", 1),
+    ):
         for part in feature.get(field, []):
             yield {"id": name, "type": kind, "geometry": _line(_nested(part).get(points, []))}
 

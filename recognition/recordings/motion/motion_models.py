@@ -132,7 +132,9 @@ _FIRM_JERK = 0.05
 
 
 def smooth_vehicles(rows: Rows, seen: Observations) -> FloatArray:
-    """x, y (m) of the rear axle, heading (rad), speed and acceleration along it of each row (n, 5)."""
+    """x, y (m) of the rear axle, heading (rad), speed and acceleration along it
+    of each row (n, 5).
+    """
     h, still = headings(rows, seen), np.zeros(len(rows))
     along = rate(seen.x, rows) * np.cos(h) + rate(seen.y, rows) * np.sin(h)
     speed = np.where(rows.first < rows.last, along, seen.speed)
@@ -151,7 +153,9 @@ def _terms(z: FloatArray, seen: Observations, speed: FloatArray) -> Terms:
 def _rows(
     z: FloatArray, seen: Observations, speed: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals of rows (centre, heading, what is unknown, limits), their derivatives, and costs."""
+    """Residuals of rows (centre, heading, what is unknown, limits), their
+    derivatives, and costs.
+    """
     n, tails = len(z), seen.noise.tails
     cos, sin, h, v = np.cos(z[:, H]), np.sin(z[:, H]), z[:, H], z[:, V]
     off_x, off_y = z[:, X] + seen.behind * cos - seen.x, z[:, Y] + seen.behind * sin - seen.y

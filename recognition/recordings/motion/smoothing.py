@@ -327,7 +327,8 @@ def _tell(
         )
     for index in np.flatnonzero(astray).tolist():
         report.remarks.append(
-            f"{who[index].name}: {astray[index]} rows are away by more than {JUMP} m and come back: interpolated"
+            f"{who[index].name}: {astray[index]} rows are away by more than {JUMP} m and come "
+            "back: interpolated"
         )
 
 
@@ -364,7 +365,8 @@ def _tell_hard(
             first = rows.starts[index] + int(hard[rows.starts[index] :].argmax())
             moment = f"{acceleration[first]:.1f} m/s² at {rows.time[first]:.2f} s"
             report.remarks.append(
-                f"{who[index].name}: {moment}, in {counts[index]} rows at the limit of its kind: its track may be wrong there"
+                f"{who[index].name}: {moment}, in {counts[index]} rows at the limit of its kind: "
+                "its track may be wrong there"
             )
 
 

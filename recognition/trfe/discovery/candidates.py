@@ -108,7 +108,8 @@ def sift(
     outlying = np.zeros(len(standard), dtype=bool)
     if config.spread is not None:
         isolation = _isolation(prototypes.distances(standard, standard), config.neighbours)
-        # Median and median deviation: the outliers that are sought would inflate mean and deviation.
+        # Median and median deviation: the outliers that are sought would
+        # inflate mean and deviation.
         median = np.median(isolation)
         outlying = isolation > median + config.spread * _NORMAL * np.median(
             np.abs(isolation - median)
@@ -240,7 +241,8 @@ def judge(
     table, numbers = matrix(features), np.asarray(clusters)
     if numbers.shape != (len(table),) or similarity.shape != (len(table), len(table)):
         raise UsageError(
-            f"clusters {numbers.shape} and similarity {similarity.shape} are not of {len(table)} samples"
+            f"clusters {numbers.shape} and similarity {similarity.shape} are not of "
+            f"{len(table)} samples"
         )
     judgements = []
     for number in np.unique(numbers):
@@ -267,7 +269,10 @@ def _objection(size: int, close: float, ratio: float, reference: float, config: 
     if size < config.least_samples:
         return f"{size} samples, fewer than {config.least_samples}"
     if close < config.relative_cohesion * reference:
-        return f"cohesion {close:.3f} below {config.relative_cohesion:g} of the known classes' {reference:.3f}"
+        return (
+            f"cohesion {close:.3f} below {config.relative_cohesion:g} of the known classes' "
+            f"{reference:.3f}"
+        )
     if ratio <= config.margin:
         return f"within the margin of a known class, r = {ratio:.2f}"
     return ""

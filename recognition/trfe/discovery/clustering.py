@@ -49,7 +49,9 @@ class Clusters(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Targets w_ij of pairs of unknown samples, and how much each pair counts, 0 or 1; both (n, n)."""
+    """Targets w_ij of pairs of unknown samples, and how much each pair counts, 0
+    or 1; both (n, n).
+    """
 
     targets: Tensor
     counts: Tensor
@@ -229,7 +231,8 @@ def _heads(
 def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
     """The classifier of features by the nearest of centres (K, d), with the deviation of features
     (n, d) assigned to them."""
-    # log N(x; c, σ²) is linear in x but for a term that all classes share: weight c/σ², bias −c²/2σ².
+    # log N(x; c, σ²) is linear in x but for a term that all classes share:
+    # weight c/σ², bias −c²/2σ².
     within = (features - centres[assigned]).square().mean().clamp(min=_LEAST)
     layer = nn.Linear(features.shape[1], len(centres))
     with torch.no_grad():

@@ -86,7 +86,8 @@ class StoredEncoder:
                 raise ValueError(f"tokens of {architecture.patch} frames do not fit its windows")
             if architecture.depth > len(weights):
                 raise ValueError(
-                    f"the {len(weights)} tensors of {WEIGHTS} are too few for its {architecture.depth} blocks"
+                    f"the {len(weights)} tensors of {WEIGHTS} are too few for its "
+                    f"{architecture.depth} blocks"
                 )
         except (ArithmeticError, ValueError, TypeError, KeyError, ToolchainError) as error:
             raise InvalidFile(f"this describes no encoder: {reason(error)}", path=path) from None
@@ -246,6 +247,7 @@ def _require_shapes(shapes: Mapping[str, tuple[int, ...]], weights: Weights, pat
     for name, value in weights.items():
         if value.shape != shapes[name]:
             raise InvalidFile(
-                f"these are not the weights of this encoder: {name} is of shape {value.shape}, not {shapes[name]}",
+                f"these are not the weights of this encoder: {name} is of shape {value.shape}, "
+                f"not {shapes[name]}",
                 path=path,
             )

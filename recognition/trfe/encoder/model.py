@@ -124,7 +124,8 @@ class Encoder(nn.Module):
         """Refuse windows of another shape than the view's."""
         if windows.shape[1:] != self.view.shape:
             raise UsageError(
-                f"the encoder reads windows of shape {self.view.shape}, not {tuple(windows.shape[1:])}"
+                f"the encoder reads windows of shape {self.view.shape}, not "
+                f"{tuple(windows.shape[1:])}"
             )
 
 
@@ -276,7 +277,8 @@ class GridEncoder(Encoder):
         if architecture.front == "cnn":
             if height % _STEM or width % _STEM:
                 raise UsageError(
-                    f"patches of an encoder with convolutions have edges that are multiples of {_STEM}"
+                    "patches of an encoder with convolutions have edges that are "
+                    f"multiples of {_STEM}"
                 )
             self.front = _convolutions(depth * channels)
             height, width, depth, channels = height // _STEM, width // _STEM, 1, _STEM_CHANNELS[-1]

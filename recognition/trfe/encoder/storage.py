@@ -118,7 +118,8 @@ def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture])
         classes = [int(label) for label in config["classes"]]
         if architecture.depth > len(weights):
             raise ValueError(
-                f"the {len(weights)} tensors of {of.name} are too few for its {architecture.depth} blocks"
+                f"the {len(weights)} tensors of {of.name} are too few for its "
+                f"{architecture.depth} blocks"
             )
         with torch.device("meta"):
             shapes = untrained(architecture, view, classes).state_dict()
@@ -151,7 +152,8 @@ def _require_shapes(shapes: Tensors, weights: Tensors, path: Path) -> None:
         if value.shape != shapes[name].shape:
             shape, expected = tuple(value.shape), tuple(shapes[name].shape)
             raise InvalidFile(
-                f"these are not the weights of this encoder: {name} is of shape {shape}, not {expected}",
+                f"these are not the weights of this encoder: {name} is of shape "
+                f"{shape}, not {expected}",
                 path=path,
             )
 

@@ -1,4 +1,6 @@
-"""Training of encoders: reproducible arithmetic, pretraining without labels, fine-tuning with them."""
+"""Training of encoders: reproducible arithmetic, pretraining without labels,
+fine-tuning with them.
+"""
 
 from __future__ import annotations
 

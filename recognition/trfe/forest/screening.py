@@ -62,13 +62,15 @@ class Screening(ABC):
         totals = table.sum(axis=1)
         if (totals != totals[0]).any() if trees is None else (totals > trees).any():
             raise UsageError(
-                "each row of the votes must add up to the number of trees, or to less where some may vote for none"
+                "each row of the votes must add up to the number of trees, or to less where some "
+                "may vote for none"
             )
         truth = class_labels(labels, len(table))
         self.classes = np.unique(truth)
         if len(self.classes) != table.shape[1]:
             raise UsageError(
-                f"{table.shape[1]} classes are voted for, but calibration samples are of {len(self.classes)}"
+                f"{table.shape[1]} classes are voted for, but calibration samples are of "
+                f"{len(self.classes)}"
             )
         self.trees = int(totals[0]) if trees is None else trees
         self._calibrate(table, np.searchsorted(self.classes, truth), distances)
@@ -211,8 +213,8 @@ def survival(
 
 
 def _beyond(excess: FloatArray, shape: float) -> FloatArray:
-    """Survival of the generalised Pareto distribution of scale 1: (1 + ξx)^(−1/ξ), e^(−x) for ξ = 0,
-    and 0 where the distribution ends."""
+    """Survival of the generalised Pareto distribution of scale 1: (1 + ξx)^(−1/ξ), e^(−x) for ξ =
+    0, and 0 where the distribution ends."""
     if shape == 0.0:
         return np.exp(-excess)
     with np.errstate(divide="ignore"):

@@ -179,7 +179,8 @@ class Trees(NamedTuple):
         Raises:
             UsageError: features that are not finite, or not of the dimension of the trees.
         """
-        # Hard votes of trees: their spread over classes is a feature, which mean probabilities blur.
+        # Hard votes of trees: their spread over classes is a feature, which
+        # mean probabilities blur.
         chosen = self.choice[self.leaves(features)]
         known = np.flatnonzero(self.classes != UNKNOWN)
         return np.stack([(chosen == one).sum(axis=1) for one in known], axis=1, dtype=np.int64)

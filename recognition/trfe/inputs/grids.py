@@ -54,12 +54,15 @@ CHANNELS: tuple[Channel, ...] = (
 """
 ROAD_CHANNELS = ("area", "borders")
 VELOCITY_STEP = 0.25
-"""m/s for each step of the code of a velocity: speeds up to 63.75 m/s differ in it, velocities up to ±31.75 m/s."""
+"""m/s for each step of the code of a velocity: speeds up to 63.75 m/s differ in
+it, velocities up to ±31.75 m/s.
+"""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Grids about an ego vehicle: cells along its heading (columns, rear to front) and across (rows, left to right).
+    """Grids about an ego vehicle: cells along its heading (columns, rear to
+    front) and across (rows, left to right).
 
     Attributes:
         length, width: extent along and across the heading, m.
@@ -92,7 +95,8 @@ class Grid:
             len(self.channels), 1
         ):
             raise UsageError(
-                f"channels of a grid are different ones of {', '.join(CHANNELS)}, not {self.channels}"
+                f"channels of a grid are different ones of {', '.join(CHANNELS)}, not "
+                f"{self.channels}"
             )
         if self.pose not in ("window", "frame"):
             raise UsageError(f"a grid is aligned to the window or the frame, not {self.pose!r}")
@@ -126,7 +130,8 @@ _LARGEST = 20_000
 
 @dataclass(frozen=True)
 class Picture:
-    """Drivable area and lane borders of a site: uint8 (rows, columns, 2), of which pixel (0, 0) begins at x, y (m).
+    """Drivable area and lane borders of a site: uint8 (rows, columns, 2), of
+    which pixel (0, 0) begins at x, y (m).
 
     A pixel's values are the shares of the cell around it that are area and border, 0 to 255.
     """
@@ -136,7 +141,9 @@ class Picture:
     y: float
 
     def at(self, x: Singles, y: Singles) -> NDArray[np.uint8]:
-        """Both values, in a last axis, of places x, y (m) from the picture's beginning; 0 outside of the picture."""
+        """Both values, in a last axis, of places x, y (m) from the picture's
+        beginning; 0 outside of the picture.
+        """
         rows, columns, _ = self.pixels.shape
         column, row = (
             np.clip(place * (1.0 / _PIXEL), 0, last - 1).astype(np.int32)
@@ -175,7 +182,9 @@ def picture(network: RoadNetwork, cell: float) -> Picture:
 
 
 def _lanes(road: Road) -> list[tuple[FloatArray, FloatArray]]:
-    """Inner and outer borders of the drivable lanes, at places that are less than a pixel apart: (n, 2) each."""
+    """Inner and outer borders of the drivable lanes, at places that are less
+    than a pixel apart: (n, 2) each.
+    """
     sections = [
         section.lanes[lane_id]
         for section in road.sections
@@ -207,7 +216,9 @@ def _draw(plane: NDArray[np.uint8], points: FloatArray, low: FloatArray) -> None
 
 
 def cell_centres(grid: Grid) -> tuple[Singles, Singles]:
-    """Coordinates of the cells' centres, ahead and to the left of the ego (m): shape rows × columns each."""
+    """Coordinates of the cells' centres, ahead and to the left of the ego (m):
+    shape rows × columns each.
+    """
     rows, columns = grid.cells
     along = (np.arange(columns) + 0.5) * grid.cell_length - 0.5 * grid.length + grid.ahead
     left = 0.5 * grid.width - (np.arange(rows) + 0.5) * grid.cell_width
@@ -218,9 +229,13 @@ def cell_centres(grid: Grid) -> tuple[Singles, Singles]:
 Moments = Sequence[tuple[str, float]]
 """Names of ego tracks and times, s."""
 _MISSING = 0.25
-"""The ego's row nearest to a requested time may be this far from it, s: a few frames may be missing in its track."""
+"""The ego's row nearest to a requested time may be this far from it, s: a few
+frames may be missing in its track.
+"""
 _TIE = 1e-6
-"""Of two rows that are equally near in time, within rounding (s), the earlier counts: so frames stay equally far apart."""
+"""Of two rows that are equally near in time, within rounding (s), the earlier
+counts: so frames stay equally far apart.
+"""
 
 
 @dataclass(frozen=True)
@@ -297,7 +312,8 @@ def frames_of(recording: Recording) -> Frames:
 def ego_rows(
     frames: Frames, moments: Moments, offsets: Sequence[float]
 ) -> tuple[IntArray, BoolArray]:
-    """Rows of the egos nearest to the requested times: (n, offsets); and whether each moment's are all near enough.
+    """Rows of the egos nearest to the requested times: (n, offsets); and whether
+    each moment's are all near enough.
 
     Raises:
         UsageError: a moment names no track of the recording.
@@ -314,7 +330,9 @@ def ego_rows(
 
 
 def covered(recording: Recording, moments: Moments, offsets: Sequence[float]) -> BoolArray:
-    """Whether the ego's track is there at these times (s) about each moment, but for gaps of a few frames."""
+    """Whether the ego's track is there at these times (s) about each moment, but
+    for gaps of a few frames.
+    """
     if not moments:
         return np.zeros(0, bool)
     return ego_rows(frames_of(recording), moments, offsets)[1]
@@ -334,7 +352,8 @@ _POINTS = 2.0
 
 
 class Boxes(NamedTuple):
-    """Boxes in the axes of the grids: in which frame of the batch (`frame`), and which row of the recording (`row`) each is.
+    """Boxes in the axes of the grids: in which frame of the batch (`frame`), and which row of the
+    recording (`row`) each is.
 
     x, y: centre ahead and to the left of the ego, m; cos, sin: of the heading relative to the
     grid's; own: whether it is the ego.
@@ -419,7 +438,9 @@ def _vehicles(
 
 
 def _about(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> Boxes:
-    """Participants in the frames of the egos' rows and within reach of the grids at the given poses."""
+    """Participants in the frames of the egos' rows and within reach of the grids
+    at the given poses.
+    """
     start, end = frames.starts[frames.frame[egos]], frames.starts[frames.frame[egos] + 1]
     frame = np.repeat(np.arange(len(egos)), end - start)
     row = np.arange(len(frame)) + np.repeat(
@@ -441,8 +462,8 @@ def _about(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> Boxes
 
 
 def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[IntArray, IntArray, FloatArray]:
-    """Points spread evenly over the boxes: the box and the cell of each that lies in the grid; and the area (m²) that each
-    point of a box stands for."""
+    """Points spread evenly over the boxes: the box and the cell of each that lies in the grid; and
+    the area (m²) that each point of a box stands for."""
     length, width = frames.length[boxes.row], frames.width[boxes.row]
     spacing = min(grid.cell_length, grid.cell_width) / _POINTS
     along, across = (np.maximum(np.ceil(size / spacing), 1.0) for size in (length, width))
@@ -507,7 +528,9 @@ def _code(velocity: FloatArray, zero: float) -> NDArray[np.uint8]:
 def _roads(
     frames: Frames, poses: IntArray, grid: Grid, network: RoadNetwork
 ) -> dict[Channel, NDArray[np.uint8]]:
-    """The channels that show the road, as seen from each pose: (frames of the batch, rows, columns) each."""
+    """The channels that show the road, as seen from each pose: (frames of the
+    batch, rows, columns) each.
+    """
     distinct = 1 if grid.pose == "window" else grid.frames
     seen = poses[:, :distinct].ravel()
     road = picture(network, min(grid.cell_length, grid.cell_width))

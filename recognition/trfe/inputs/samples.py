@@ -46,7 +46,8 @@ def matrix(features: ArrayLike, width: int | None = None, least: int = 0) -> Fea
     broken = np.flatnonzero(~np.isfinite(table).all(axis=1))
     if len(broken):
         raise UsageError(
-            f"features of sample {broken[0]} are not finite, as those of {len(broken)} of {len(table)} samples"
+            f"features of sample {broken[0]} are not finite, as those of {len(broken)} of "
+            f"{len(table)} samples"
         )
     return table
 
@@ -67,7 +68,8 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Int
         raise UsageError("labels of known classes must be positive whole numbers")
     if len(np.unique(values)) < least_classes:
         raise UsageError(
-            f"{len(np.unique(values))} known classes are too few, at least {least_classes} are needed"
+            f"{len(np.unique(values))} known classes are too few, at least "
+            f"{least_classes} are needed"
         )
     return values.astype(np.int64)
 
@@ -163,7 +165,9 @@ class Prototypes:
         )
 
     def ratio(self, features: ArrayLike) -> FloatArray:
-        """r(h) = min_c ‖h − μ_c‖/ρ_c (n,); 1 is the margin of the known classes, more is beyond it."""
+        """r(h) = min_c ‖h − μ_c‖/ρ_c (n,); 1 is the margin of the known classes,
+        more is beyond it.
+        """
         return (self.distances(self.standardise(features), self.centres) / self.radii).min(axis=1)
 
     def distances(self, standard: Features, others: Features) -> FloatArray:

@@ -61,9 +61,12 @@ FEATURES = (*MOTION, *RELATIVE, *TRAFFIC, *ROAD, *(f"role_{role}" for role in RO
 show: lanes through junctions with lights are `inside` as others are, and `signalised` stays 0.
 Values are divided by `SCALES`."""
 SCALES = {
-    "speed": 15.0, "acceleration": 2.0, "yaw_rate": 0.3, "length": 8.0, "width": 2.5, "along": 30.0, "aside": 3.5, "ahead": 30.0,
-    "left": 10.0, "closing_ahead": 8.0, "closing_left": 4.0, "gap": 40.0, "headway": 3.0, "border_left": 1.5, "border_right": 1.5,
-    "lanes_to_left": 2.0, "lanes_to_right": 2.0, "lane_behind": 50.0, "lane_ahead": 50.0, "limit": 20.0,
+    "speed": 15.0, "acceleration": 2.0, "yaw_rate": 0.3, "length": 8.0, "width": 2.5, "along": 30.0,
+    "aside": 3.5, "ahead": 30.0,
+    "left": 10.0, "closing_ahead": 8.0, "closing_left": 4.0, "gap": 40.0, "headway": 3.0,
+    "border_left": 1.5, "border_right": 1.5,
+    "lanes_to_left": 2.0, "lanes_to_right": 2.0, "lane_behind": 50.0, "lane_ahead": 50.0,
+    "limit": 20.0,
 }  # fmt: skip
 """Divisors that scale features to between -1 and 1, mostly; features not listed stay."""
 
@@ -91,7 +94,8 @@ class Tokens:
     def __post_init__(self) -> None:
         if not 0.0 < self.core <= self.span < math.inf or self.frames < 2:
             raise UsageError(
-                "a window of tokens needs two or more frames over a positive time, and a core no longer than that"
+                "a window of tokens needs two or more frames over a positive time, and a core no "
+                "longer than that"
             )
         if self.others < 0 or not 0.0 < self.reach < math.inf:
             raise UsageError("a window of tokens has a number of others, within a positive reach")
@@ -108,8 +112,8 @@ class Tokens:
 
 
 _CHANGING = (
-    "speed", "acceleration", "yaw_rate", "lateral_speed", "along", "aside", "ahead", "left", "cos", "sin", "offset", "gap",
-    "headway", "has_lead", "border_left", "border_right",
+    "speed", "acceleration", "yaw_rate", "lateral_speed", "along", "aside", "ahead", "left", "cos",
+    "sin", "offset", "gap", "headway", "has_lead", "border_left", "border_right",
 )  # fmt: skip
 _ROLES = tuple(name for name in FEATURES if name.startswith("role_"))
 MOTION_CHANGES = 2 * len(_CHANGING)
@@ -217,7 +221,9 @@ class _Ways:
         self._ahead: dict[int, dict[int, tuple[float, int]]] = {}
 
     def relation(self, one: int, other: int) -> tuple[float, int, bool, bool]:
-        """Base, lanes to the left, whether one is on the way of the other, and whether they merge."""
+        """Base, lanes to the left, whether one is on the way of the other, and
+        whether they merge.
+        """
         if NOWHERE in (one, other):
             return 0.0, 0, False, False
         ahead, behind = self.ahead(one), self.ahead(other)
@@ -255,7 +261,8 @@ class _Ways:
                 continue
             found[number] = distance, lanes
             strip = graph.strips[number]
-            # Ordered by lanes aside first: a lane on the way is told from the same lane reached by a change.
+            # Ordered by lanes aside first: a lane on the way is told from the
+            # same lane reached by a change.
             for other in self._beside.get((strip.road, strip.section, strip.forward), ()):
                 aside = lanes + strip.place - graph.strips[other].place
                 heapq.heappush(waiting, (abs(aside), distance, other, aside))
@@ -432,16 +439,21 @@ def _rows(scene: Scene) -> Values:
     led, half = leads.row != ABSENT, 0.5 * scene.width
     gap = np.where(led, np.clip(leads.gap, 0.0, _FAR), _FAR)
     found = {
-        "speed": scene.speed, "acceleration": scene.acceleration, "width": scene.width, "length": scene.front - scene.rear,
-        "yaw_rate": _rate(scene, np.cos(scene.h), np.sin(scene.h)), "lateral_speed": _change(scene, scene.changes.side),
+        "speed": scene.speed, "acceleration": scene.acceleration, "width": scene.width,
+        "length": scene.front - scene.rear,
+        "yaw_rate": _rate(scene, np.cos(scene.h), np.sin(scene.h)),
+        "lateral_speed": _change(scene, scene.changes.side),
         "offset": scene.offset, "gap": gap, "has_lead": led,
-        "headway": np.where(led, np.minimum(gap / np.maximum(scene.speed, _SLOW), _LONGEST_HEADWAY), _LONGEST_HEADWAY),
+        "headway": np.where(led, np.minimum(gap / np.maximum(scene.speed, _SLOW), _LONGEST_HEADWAY),
+            _LONGEST_HEADWAY),
         "border_left": np.where(on, 0.5 * lanes.width[place] - scene.offset - half, 0.0),
         "border_right": np.where(on, 0.5 * lanes.width[place] + scene.offset - half, 0.0),
-        "lanes_to_left": np.where(on, left[place], 0), "lanes_to_right": np.where(on, right[place], 0),
+        "lanes_to_left": np.where(on, left[place], 0),
+        "lanes_to_right": np.where(on, right[place], 0),
         "lane_behind": np.where(on, np.clip(scene.along, 0.0, _FAR), 0.0),
         "lane_ahead": np.where(on, np.clip(lanes.length[place] - scene.along, 0.0, _FAR), 0.0),
-        "limit": np.where(on & np.isfinite(limit), limit, 0.0), "has_limit": on & np.isfinite(limit),
+        "limit": np.where(on & np.isfinite(limit), limit, 0.0),
+        "has_limit": on & np.isfinite(limit),
     }  # fmt: skip
     role = np.where(
         scene.role == ROLES.index(LaneRole.SIGNALISED), ROLES.index(LaneRole.INSIDE), scene.role
@@ -488,11 +500,14 @@ def _between(scene: Scene, a: IntArray, b: IntArray) -> Values:
     cos, sin = np.cos(scene.h[a]), np.sin(scene.h[a])
     leads = scene.leads
     return {
-        "along": np.clip(np.where(related, along, 0.0), -_FAR, _FAR), "aside": np.where(lanes.same_way, aside, 0.0),
+        "along": np.clip(np.where(related, along, 0.0), -_FAR, _FAR),
+        "aside": np.where(lanes.same_way, aside, 0.0),
         "ahead": dx * cos + dy * sin, "left": dy * cos - dx * sin,
-        "closing_ahead": scene.speed[b] * np.cos(turn) - scene.speed[a], "closing_left": scene.speed[b] * np.sin(turn),
+        "closing_ahead": scene.speed[b] * np.cos(turn) - scene.speed[a],
+        "closing_left": scene.speed[b] * np.sin(turn),
         "cos": np.cos(turn), "sin": np.sin(turn), "lanes_left": lanes.lanes.astype(np.float64),
-        "is_lead": (leads.row[a] == b).astype(np.float64), "is_follower": (leads.follower[a] == b).astype(np.float64),
+        "is_lead": (leads.row[a] == b).astype(np.float64),
+        "is_follower": (leads.follower[a] == b).astype(np.float64),
         "same_way": lanes.same_way.astype(np.float64), "merging": lanes.merging.astype(np.float64),
     }  # fmt: skip
 

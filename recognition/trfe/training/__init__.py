@@ -49,7 +49,8 @@ class TrainingSettings:
     )
     pretrain_on: Sequence[Path] = option(
         (),
-        "Recordings of real traffic, say, on which the encoder is pretrained beside the windows, without their labels"
+        "Recordings of real traffic, say, on which the encoder is pretrained beside the windows, "
+        "without their labels"
         " (repeatable).",
         metavar="DIR",
     )
@@ -60,13 +61,16 @@ class TrainingSettings:
     )
     verdicts: Sequence[Path] = option(
         (),
-        "CSV table of a reviewer's verdicts on --reviewed: recording as in an index, vehicle, time, class and, for findings,"
-        " verdict (right, wrong or unclear); what contradicts another within 2 s is left out (repeatable).",
+        "CSV table of a reviewer's verdicts on --reviewed: recording as in an index, vehicle, "
+        "time, class and, for findings,"
+        " verdict (right, wrong or unclear); what contradicts another within 2 s is left out "
+        "(repeatable).",
         metavar="FILE",
     )
     develop: Sequence[Path] = option(
         (),
-        "Recordings of other sites, by which δ is chosen (at most a tenth of events there is unknown), and the share of votes"
+        "Recordings of other sites, by which δ is chosen (at most a tenth of events there is "
+        "unknown), and the share of votes"
         " that each class needs, so that windows in which nothing happens get none (repeatable).",
         metavar="DIR",
     )
@@ -94,7 +98,8 @@ class TrainingSettings:
     )
     by_changes: bool = option(
         False,
-        "Whether windows of tokens are recognised by plain numbers of what changes in them too, beside the encoders' features;"
+        "Whether windows of tokens are recognised by plain numbers of what changes in them too, "
+        "beside the encoders' features;"
         " classes are discovered by these numbers in any case.",
         "--by-changes/--by-encoders",
     )

@@ -131,7 +131,8 @@ def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:
         for one in np.unique(truth)
     )
     return Agreement(
-        windows.name, len(truth), _share(right), _share(none), _share(odd), _share(~right & ~none & ~odd),
+        windows.name, len(truth), _share(right), _share(none), _share(odd),
+        _share(~right & ~none & ~odd),
         int(quiet.sum()), _share(regular[quiet] == BACKGROUND), _share(regular[quiet] == UNKNOWN),
         _share(regular[said] == usual[said]), classes,
     )  # fmt: skip
@@ -140,11 +141,15 @@ def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:
 def table(rows: Sequence[Agreement]) -> str:
     """Agreements as a Markdown table."""
     lines = [
-        "| recordings | events | agree | nothing | unknown | wrong | quiet windows | rightly nothing | unknown | confirmed |",
+        (
+            "| recordings | events | agree | nothing | unknown | wrong | quiet windows | rightly "
+            "nothing | unknown | confirmed |"
+        ),
         f"|{'---|' * 10}",
     ]
     lines += [
-        f"| {one.name} | {one.events} | {one.agree:.1%} | {one.nothing:.1%} | {one.unknown:.1%} | {one.wrong:.1%} |"
+        f"| {one.name} | {one.events} | {one.agree:.1%} | {one.nothing:.1%} | {one.unknown:.1%} | "
+        f"{one.wrong:.1%} |"
         f" {one.quiet} | {one.still:.1%} | {one.odd:.1%} | {one.confirmed:.1%} |"
         for one in rows
     ]
@@ -229,8 +234,8 @@ CARD = "README.md"
 LIMITS = """\
 - The classes are those of the labelling rules; the rates measure agreement with these rules.
 - Rare classes were trained with few windows. Confidences are shares of votes, no probabilities.
-- The model sorts recordings for tests, afterwards. It must not decide anything in a vehicle. Finding nothing critical
-  is no evidence of safety."""
+- The model sorts recordings for tests, afterwards. It must not decide anything in a vehicle.
+  Finding nothing critical is no evidence of safety."""
 _GOOD = 0.75
 """Share of agreeing events below which the card says that a class fails"""
 _LICENCE = "Those who trained it decide, as far as the terms of the recordings allow."
@@ -250,7 +255,10 @@ def card_of(
     )
     paragraphs = [
         "# TRFE model",
-        f"Made by xosc-recognize train (xosc-toolchain {version()}) from {data}.\n{_rates(model, windows, parts)}",
+        (
+            f"Made by xosc-recognize train (xosc-toolchain {version()}) from "
+            f"{data}.\n{_rates(model, windows, parts)}"
+        ),
         *([f"Too rare to be divided, so not known: {missing}."] if missing else []),
         *_elsewhere(unseen),
         "## How it decides",
@@ -276,12 +284,18 @@ def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
     ]
     failing = [f"{title_of(label)} ({good} of {some})" for label, some, good in poor]
     about = (
-        "Recordings of sites that it was not trained on. Of the rules' events: how many get the rules' class, nothing, unknown, "
-        "or another class. Of windows at a regular stride in which no rule finds anything (quiet): how many are rightly taken "
-        "for nothing, how many for unknown; the rest gets a class. Confirmed: of all windows at the stride that get a class, how "
+        "Recordings of sites that it was not trained on. Of the rules' events: how many get the "
+        "rules' class, nothing, unknown, "
+        "or another class. Of windows at a regular stride in which no rule finds anything "
+        "(quiet): how many are rightly taken "
+        "for nothing, how many for unknown; the rest gets a class. Confirmed: of all windows at "
+        "the stride that get a class, how "
         "many the rules give the same."
     )
-    fails = f"It fails, with less than {_GOOD:.0%} of the rules' events there, at: {', '.join(failing) or 'no class'}."
+    fails = (
+        f"It fails, with less than {_GOOD:.0%} of the rules' events there, at: "
+        f"{', '.join(failing) or 'no class'}."
+    )
     return ["## Sites that it has not seen", about, table(unseen), fails]
 
 
@@ -294,8 +308,14 @@ def decision(model: TRFE) -> str:
     )
     changes = len(known.prototypes.mean) - features
     beside = f" and {changes} numbers of what changes" if changes else ""
-    screening = f"The screening `joint` calls a window unknown below δ = {1.0 - known.screening.threshold:.2g}."
-    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders{beside}. {screening}"
+    screening = (
+        "The screening `joint` calls a window unknown below δ = "
+        f"{1.0 - known.screening.threshold:.2g}."
+    )
+    text = (
+        f"{trees} trees vote on {features} features of {len(model.encoders)} "
+        f"encoders{beside}. {screening}"
+    )
     if model.least:
         shares = {label: model.least_share(label) for label in model.known.classes.tolist()}
         needed = ", ".join(
@@ -309,10 +329,19 @@ def scope(model: TRFE) -> str:
     """Return the range of a model's windows, the first of its limits."""
     view = model.encoders[0].view
     if isinstance(view, Tokens):
-        about = f"one motor vehicle and the {view.others} most relevant others within {view.reach:g} m, for {view.span:g} s"
+        about = (
+            f"one motor vehicle and the {view.others} most relevant others within {view.reach:g} "
+            f"m, for {view.span:g} s"
+        )
         return f"- Input: {about}, in lane coordinates. No pedestrians; nothing without a lane map."
-    about = f"{view.frames} grids of {view.length:g} m × {view.width:g} m about one motor vehicle within {view.span:g} s"
-    return f"- It sees {about} ({', '.join(view.channels)}): nothing that is farther away, and nothing that takes longer."
+    about = (
+        f"{view.frames} grids of {view.length:g} m × {view.width:g} m about one motor vehicle "
+        f"within {view.span:g} s"
+    )
+    return (
+        f"- It sees {about} ({', '.join(view.channels)}): nothing that is farther away, and "
+        "nothing that takes longer."
+    )
 
 
 def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
@@ -322,8 +351,10 @@ def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
     test = windows.select(parts.test)
     found = model.recognise(test.inputs)
     lines = [
-        f"{len(test)} windows of test recordings: {np.mean(found.labels == test.labels):.1%} recognised,"
-        f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, {np.mean(found.closed == test.labels):.1%} right where"
+        f"{len(test)} windows of test recordings: "
+        f"{np.mean(found.labels == test.labels):.1%} recognised,"
+        f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, "
+        f"{np.mean(found.closed == test.labels):.1%} right where"
         " unknown is no answer.",
         "",
         "| class | trained with label | without | calibrated | tested | recognised |",
@@ -333,6 +364,7 @@ def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
         counts = [str(int((windows.labels[rows] == label).sum())) for rows in parts[:4]]
         own = test.labels == label
         lines.append(
-            f"| {title_of(label)} | {' | '.join(counts)} | {np.mean(found.labels[own] == label):.1%} |"
+            f"| {title_of(label)} | {' | '.join(counts)} | "
+            f"{np.mean(found.labels[own] == label):.1%} |"
         )
     return "\n".join(lines)

@@ -145,7 +145,10 @@ def train(
         if len(besides)
         else ""
     )
-    data = f"{markdown(path.name)}, preset {settings.preset}, seed {settings.seed}, divided by {settings.split_by}"
+    data = (
+        f"{markdown(path.name)}, preset {settings.preset}, seed {settings.seed}, divided by "
+        f"{settings.split_by}"
+    )
     card = card_of(model, windows, parts, data + beside + chosen_by, measured)
     keep(card.encode(), out / CARD)
     if not quiet:

@@ -328,7 +328,8 @@ def store(parts: Iterable[Windows], folder: Path) -> int:
                     _write_header(file, (0, *shape), kind)
                 if part.inputs.shape[1:] != shape or part.inputs.dtype != kind:
                     raise UsageError(
-                        f"windows of shape {part.inputs.shape[1:]} do not fit after those of {shape}"
+                        f"windows of shape {part.inputs.shape[1:]} do not fit "
+                        f"after those of {shape}"
                     )
                 file.write(np.ascontiguousarray(part.inputs).tobytes())
                 tables.append(part._table())

@@ -78,7 +78,9 @@ def write_run(result: RunResult, folder: Path, plot: bool = False) -> dict[str, 
 
 
 def _replace(folder: Path, draft: Path) -> None:
-    """Put a folder in the place of one that an earlier run left, whole or not, and of nothing else."""
+    """Put a folder in the place of one that an earlier run left, whole or not,
+    and of nothing else.
+    """
     if folder.is_symlink() or folder.exists():
         is_run = folder.is_dir() and not folder.is_symlink()
         if not is_run or not (

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from runner.judging.settings import RunSettings
 
 _DERIVED = (
-    "state", "exit_code", "message", "status", "end_time", "measures", "impact", "criteria", "remarks", "causes", "evidence",
+    "state", "exit_code", "message", "status", "end_time", "measures", "impact", "criteria",
+    "remarks", "causes", "evidence",
 )  # fmt: skip
 """Fields of an outcome that follow from the result of its run"""
 _SAME = 1e-9
@@ -56,9 +57,11 @@ def outcome_of(
         if not any(remark in reason for reason in verdict.reasons)
     ]
     return Outcome(
-        job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
+        job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time,
+        measures,
         impact=report.impact(result) if verdict.failures and contacts else None,
-        criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)],
+        criteria=criteria, remarks=told,
+        causes=[*dict.fromkeys(cause.name for cause in verdict.causes)],
         evidence=report.evidence(verdict), files=files,
     )  # fmt: skip
 

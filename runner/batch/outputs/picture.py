@@ -77,7 +77,10 @@ def write_picture(result: RunResult, path: Path) -> None:
             figure.legend(
                 handles=[*lines, *more], fontsize=8, loc="outside lower center", ncols=_NAMED + 1
             )
-        title = f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {result.verdict}"
+        title = (
+            f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, "
+            f"{result.verdict}"
+        )
         figure.suptitle(_plain(title), fontsize=11, wrap=True)
         figure.savefig(path, dpi=110, metadata={"Software": None})
 
@@ -136,13 +139,16 @@ def _from_above(
     told = f"{length} m" if to_scale else f"{length} m along x"
     bar = AnchoredSizeBar(
         axes.transData, length, told, "lower right", pad=0.1, sep=3, frameon=False,
-        bbox_to_anchor=(1.0, 1.0), bbox_transform=axes.transAxes, fontproperties=FontProperties(size=8), label_top=True,
+        bbox_to_anchor=(1.0, 1.0), bbox_transform=axes.transAxes,
+        fontproperties=FontProperties(size=8), label_top=True,
     )  # fmt: skip
     axes.add_artist(bar)
 
 
 def _say(axes: Axes, tracks: list[Track], impact: Impact | None) -> None:
-    """Names and speeds where participants are at the contact, else at their end; and the contact."""
+    """Names and speeds where participants are at the contact, else at their end;
+    and the contact.
+    """
     for number, track in enumerate(tracks):
         columns = track.columns
         row = (
@@ -154,12 +160,17 @@ def _say(axes: Axes, tracks: list[Track], impact: Impact | None) -> None:
         place = float(columns["x"][row]), float(columns["y"][row])
         above = 16 if number % 2 == 0 else -22
         axes.annotate(
-            _plain(text), place, (0, above), textcoords="offset points", ha="center", fontsize=8, annotation_clip=False,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            _plain(text), place, (0, above), textcoords="offset points", ha="center", fontsize=8,
+            annotation_clip=False,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none",
+                "alpha": 0.8},
             arrowprops={"arrowstyle": "-", "color": "#616161", "linewidth": 0.6},
         )  # fmt: skip
     if impact is not None:
-        title = f"speeds at the contact with {impact.other}, {impact.time:.2f} s, {impact.speed:.1f} m/s relative"
+        title = (
+            f"speeds at the contact with {impact.other}, {impact.time:.2f} s, {impact.speed:.1f} "
+            "m/s relative"
+        )
         axes.set_title(_plain(title), fontsize=9, loc="left", color=_EGO)
     elif tracks:
         axes.set_title("speeds at the end", fontsize=9, loc="left")
@@ -219,7 +230,8 @@ def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
             time, np.where(table[f"{name}_valid"], table[name], math.nan), color=colour, label=label
         )
     axes.fill_between(
-        time, 0, 1, where=table["rss_violation_ad_rss"], transform=axes.get_xaxis_transform(), color=_EGO, alpha=0.12,
+        time, 0, 1, where=table["rss_violation_ad_rss"], transform=axes.get_xaxis_transform(),
+        color=_EGO, alpha=0.12,
         linewidth=0, label="RSS distance violated (ad-rss)",
     )  # fmt: skip
     if impact is not None:

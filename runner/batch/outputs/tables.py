@@ -106,7 +106,8 @@ def write_csv(result: RunResult, path: Path) -> None:
             f"Ego: {one_line(result.ego or '-')}\nSystem under test: {one_line(str(result.sut))}\n"
         )
         file.write(
-            f"Scenario File Name: {one_line(result.scenario.name)}\nNumber of Vehicles: {len(tracks)}\n"
+            f"Scenario File Name: {one_line(result.scenario.name)}\nNumber of Vehicles: "
+            f"{len(tracks)}\n"
         )
         names = [f"#{number} {name}, " for number in range(1, len(tracks) + 1) for name in _GROUP]
         file.write(f"Index [-], TimeStamp [s], {''.join(names)}\n")

@@ -29,7 +29,8 @@ _WORDS = {
 """By state, the gravest first."""
 _GRAVE = ("error", "failed", "inconclusive")
 _COLOURS = {
-    "passed": "\033[32m", "loaded": "\033[32m", "inconclusive": "\033[33m", "failed": "\033[31m", "error": "\033[35m",
+    "passed": "\033[32m", "loaded": "\033[32m",
+        "inconclusive": "\033[33m", "failed": "\033[31m", "error": "\033[35m",
 }  # fmt: skip
 _WORD = 13
 """Width of the column with verdicts"""
@@ -185,7 +186,10 @@ class OutcomeTable:
             times = f" (and {len(same) - 1} more like it)" if len(same) > 1 else ""
             self._print(f"remark: {same[0]}{times}")
         for path, count in left_out.items():
-            text = f"{path}: {many(count, 'parameter set')} left out: the values violate the scenario's constraints"
+            text = (
+                f"{path}: {many(count, 'parameter set')} left out: the values violate the "
+                "scenario's constraints"
+            )
             self._print(f"remark: {one_line(text)}")
         if runs < 2:
             if self._evidence and not self._verbose:
@@ -251,7 +255,10 @@ class OutcomeTable:
         )
         for name, each in found:
             who = sentence("the ego", one_line(each["other"]), each["side"], each["strikes"])
-            size = f"{each['speed']:5.1f} m/s, change of velocity {each['delta_v']:4.1f} m/s, risk {percent(each['risk'])}"
+            size = (
+                f"{each['speed']:5.1f} m/s, change of velocity {each['delta_v']:4.1f} m/s, risk "
+                f"{percent(each['risk'])}"
+            )
             self._print(f"    {size}  {name}: {who}")
 
     def _print(self, text: str) -> None:

@@ -50,7 +50,9 @@ def _activate(actor: Entity, domains: dict[str, bool], run: Run) -> None:
 @action("AssignControllerAction")
 @dataclass(frozen=True, slots=True)
 class AssignControllerAction(PrivateAction):
-    """Gives an entity a controller, and activates it in the domains named (deactivated by default)."""
+    """Gives an entity a controller, and activates it in the domains named
+    (deactivated by default).
+    """
 
     name: str
     properties: dict[str, str]

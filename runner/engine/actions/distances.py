@@ -90,7 +90,9 @@ class LongitudinalDistanceAction(PrivateAction):
         return (self.reference,)
 
     def start(self, actor: Entity, run: Run) -> Running | None:
-        """Take the place at once where nothing limits the motion, and keep it where `continuous`."""
+        """Take the place at once where nothing limits the motion, and keep it
+        where `continuous`.
+        """
         need_places(self.node, actor, self.reference)
         if self.system in ("road", "lane"):
             run.roads.keep_to_road(actor)
@@ -122,7 +124,8 @@ def read_system(node: Node) -> str:
     system = node.choice("coordinateSystem", (*spacing.SYSTEMS, "world"), "entity")
     if system == "world":
         raise node.unsupported(
-            "coordinateSystem='world' gives this distance no direction; use entity, lane, road or trajectory"
+            "coordinateSystem='world' gives this distance no direction; use entity, "
+            "lane, road or trajectory"
         )
     return str(system)
 
@@ -182,7 +185,9 @@ class _Gap:
 
 
 def _move(actor: Entity, distance: float) -> None:
-    """Move an entity forward (m; backward where negative) on the way that it follows, in no time."""
+    """Move an entity forward (m; backward where negative) on the way that it
+    follows, in no time.
+    """
     motion = actor.controls.motion
     if isinstance(motion, PathMotion):
         motion.s = max(motion.s + distance, 0.0)
@@ -275,7 +280,9 @@ class _Approaches(ArraySteps):
         self._side[row], self._limits[row] = running.side, running.limits
 
     def step(self, rows: BoolArray, dt: float) -> BoolArray:
-        """Ask for the controllers' speeds; where there is no way to the reference the speed stays."""
+        """Ask for the controllers' speeds; where there is no way to the
+        reference the speed stays.
+        """
         actor, action = self._actor, self._action
         reference = self._run.entities[action.reference.name]
         ahead = spacing.ahead_arrays(self._run.roads, actor, reference, action.system, rows)

@@ -38,7 +38,9 @@ _TILT = "xosc.toolchain:xosc:1.0.0:positioning.surface_while_driving"
 
 
 def _position(node: Node, context: Context) -> Position:
-    """The position of an action, with a remark on angles that it has only while the entity stands."""
+    """The position of an action, with a remark on angles that it has only while
+    the entity stands.
+    """
     holder = node.need("Position")
     tilted = next((node for node in holder.iter() if node.has("p") or node.has("r")), None)
     if (
@@ -203,7 +205,9 @@ class ConnectTrailerAction(PrivateAction):
         return (self.trailer,)
 
     def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
-        """Require a hitch, and no trailer that is connected from the start and never disconnected."""
+        """Require a hitch, and no trailer that is connected from the start and
+        never disconnected.
+        """
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
         if self.lasting:

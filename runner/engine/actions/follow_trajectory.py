@@ -83,7 +83,8 @@ def _read_clock(node: Node, trajectory: Trajectory, timing: Timing, context: Con
     context.repair(
         node,
         TIMING_UID,
-        f"the times of the trajectory {trajectory.name!r} are those of a clock, and the scenario's begins at 0: "
+        f"the times of the trajectory {trajectory.name!r} are those of a clock, and the "
+        "scenario's begins at 0: "
         f"they are counted from {first:.15g} s, the first of the scenario",
     )
 
@@ -111,7 +112,8 @@ class FollowTrajectoryAction(PrivateAction):
             raise node.invalid(f"initialDistanceOffset={self.skip:g} must not be negative")
         if timing is not None and not trajectory.timed:
             raise node.invalid(
-                f"TimeReference/Timing needs times in the trajectory {trajectory.name!r}, from start to end"
+                f"TimeReference/Timing needs times in the trajectory {trajectory.name!r}, from "
+                "start to end"
             )
         if timing is not None and trajectory.fixed is not None:
             trajectory.timetable(trajectory.fixed, timing.scale)
@@ -168,12 +170,15 @@ class FollowTrajectoryAction(PrivateAction):
         return self.trajectory.references()
 
     def start(self, actor: Entity, run: Run) -> Running:
-        """Begin at the trajectory's start, after its initialDistanceOffset, or where the time says."""
+        """Begin at the trajectory's start, after its initialDistanceOffset, or
+        where the time says.
+        """
         track = self.trajectory.track(run, actor)
         path = track.path
         if self.skip > path.length + _ROUNDING:
             raise self.node.invalid(
-                f"initialDistanceOffset={self.skip:g} is beyond the trajectory's {path.length:.2f} m"
+                f"initialDistanceOffset={self.skip:g} is beyond the trajectory's "
+                f"{path.length:.2f} m"
             )
         pace: Pace | None = None
         s = skip = min(self.skip, path.length)
@@ -372,7 +377,9 @@ class _Waiting(Running):
         return self.following.step(dt)
 
     def rest(self) -> Rest | None:
-        """Return the rest of the follower; a trajectory that has not begun is a remark of its own."""
+        """Return the rest of the follower; a trajectory that has not begun is a
+        remark of its own.
+        """
         if self.put:
             return self.following.rest()
         text = (
@@ -417,7 +424,9 @@ class _Following(Running):
         return Rest(goal, reached, late, dt + _LATE)
 
     def step(self, dt: float) -> bool:
-        """Ask for the speed that the times prescribe, and see whether this step leads to the end."""
+        """Ask for the speed that the times prescribe, and see whether this step
+        leads to the end.
+        """
         motion = self.motion
         if (
             self.actor.controls.motion is not motion
@@ -450,7 +459,9 @@ class _Following(Running):
         return speed == 0.0
 
     def _possible(self, pace: Pace, now: float, dt: float) -> float:
-        """The speed (m/s) that leads to where the times ask for, or towards it within the limits."""
+        """The speed (m/s) that leads to where the times ask for, or towards it
+        within the limits.
+        """
         here, there, s = pace.station(now), pace.station(now + dt), self.motion.s
         wanted, own, limits = max(there - s, 0.0) / dt, abs(demanded_speed(self.actor)), self.limits
         slowest, fastest = (

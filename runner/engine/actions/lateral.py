@@ -104,7 +104,10 @@ class LaneChangeAction(PrivateAction):
         lane = actor.kept_lane
         change = (self.offset - actor.kept_offset) * actor.direction
         if (actor.road, lane) == before and abs(change) <= _SAME_PLACE:
-            text = f"{actor.name} is in lane {lane} already, at that offset: the lane change moves nothing"
+            text = (
+                f"{actor.name} is in lane {lane} already, at that offset: the lane "
+                "change moves nothing"
+            )
             run.remarks.note(self.node.remark(OTHER_ENTITY_UID, text))
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
@@ -163,7 +166,8 @@ class LaneChangeAction(PrivateAction):
                 else f"{self.value:+d} from that of {reference.name}"
             )
             raise self.node.invalid(
-                f"{actor.name} can't change to lane {target}: road {road.id} at s = {actor.s:.1f} m has the lanes "
+                f"{actor.name} can't change to lane {target}: road {road.id} at s = {actor.s:.1f} "
+                "m has the lanes "
                 f"{', '.join(map(str, there))}"
             )
         return lane
@@ -198,7 +202,8 @@ def _check_lane(target: Node, value: int, absolute: bool, network: RoadNetwork) 
         raise target.invalid(f"value='{value}' is no lane of any road; lanes there are: {lanes}")
     if not absolute and abs(value) >= max(network.most_lanes, 1):
         raise target.invalid(
-            f"value='{value}' leads beyond the lanes of any road, which has {network.most_lanes} at most"
+            f"value='{value}' leads beyond the lanes of any road, which has "
+            f"{network.most_lanes} at most"
         )
 
 
@@ -245,7 +250,10 @@ class LaneOffsetAction(PrivateAction):
         """Begin to move sideways."""
         from_itself = self.reference is actor
         if from_itself and self.continuous and self.value:
-            text = f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset at the start counts"
+            text = (
+                f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset "
+                "at the start counts"
+            )
             run.remarks.add(self.node.remark(KEPT_LANE_OFFSET_UID, text))
         follow_road(actor, run, self.node)
         run.roads.settle(actor)
@@ -263,7 +271,9 @@ class LaneOffsetAction(PrivateAction):
         )
 
     def in_arrays(self, actor: EntityRows, run: ArrayRun) -> ArrayProcess:
-        """The offset from the centre of the own lane; run by run where it is relative to an entity."""
+        """The offset from the centre of the own lane; run by run where it is
+        relative to an entity.
+        """
         return _Shifting(self, actor, run) if self.reference is None else RunByRun(self, actor, run)
 
     def aim(self, actor: Entity, run: Run) -> None:
@@ -373,7 +383,8 @@ class _LateralTransition(Running):
     )
 
     def __init__(
-        self, actor: Entity, roads: Roads, goal: float, shape: TransitionShape, extent: float, *, over_distance: bool,
+        self, actor: Entity, roads: Roads, goal: float, shape: TransitionShape, extent: float, *,
+        over_distance: bool,
         compensated: bool,
     ) -> None:  # fmt: skip
         self.goal = goal

@@ -112,11 +112,17 @@ def tell_missed(route: AssignedRoute, actor: Entity, run: Run, nodes: Sequence[N
     if leg is not None and here is not None and actor.on_lane:
         ahead = (actor.direction > 0) == (actor.speed >= 0.0)
         if ahead != leg.forward and leg.length > _REACHED:
-            text = f"{actor.name} drives away from its route at s = {here.s:.1f} m of road {here.road_id}"
+            text = (
+                f"{actor.name} drives away from its route at s = {here.s:.1f} m of road "
+                f"{here.road_id}"
+            )
             run.remarks.note(nodes[0].remark(LANES_UID, f"{text}; it does not turn round"))
     for checkpoint in route.missed(here) if here is not None else ():
         road = route.path.legs[checkpoint.leg].road_id
-        text = f"no lane leads {actor.name} to lane {checkpoint.lane} of road {road} at s = {checkpoint.s:.1f} m"
+        text = (
+            f"no lane leads {actor.name} to lane {checkpoint.lane} of road {road} at s = "
+            f"{checkpoint.s:.1f} m"
+        )
         run.remarks.note(
             nodes[checkpoint.number].remark(LANES_UID, f"{text}; it passes there in another lane")
         )

@@ -184,7 +184,9 @@ def _lap(entity: Entity, target: Placement, left: float, run: Run) -> float:
 
 
 class _Synchronisation(Running):
-    """Drive to the target; the speed stays while no way leads there, as for an entity off its road."""
+    """Drive to the target; the speed stays while no way leads there, as for an
+    entity off its road.
+    """
 
     __slots__ = ("_action", "_actor", "_left", "_master_way", "_own_way", "_run")
 

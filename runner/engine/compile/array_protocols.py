@@ -30,9 +30,18 @@ if TYPE_CHECKING:
 
 STANDBY, RUNNING, COMPLETE = 0, 1, 2
 START, END, STOP, SKIP = 1, 2, 4, 8
-STATES = {ElementState.STANDBY: STANDBY, ElementState.RUNNING: RUNNING, ElementState.COMPLETE: COMPLETE}  # fmt: skip
+STATES = {
+    ElementState.STANDBY: STANDBY,
+    ElementState.RUNNING: RUNNING,
+    ElementState.COMPLETE: COMPLETE,
+}
 """Numbers of states in arrays"""
-TRANSITIONS = {Transition.START: START, Transition.END: END, Transition.STOP: STOP, Transition.SKIP: SKIP}  # fmt: skip
+TRANSITIONS = {
+    Transition.START: START,
+    Transition.END: END,
+    Transition.STOP: STOP,
+    Transition.SKIP: SKIP,
+}
 """Bits of transitions in arrays"""
 _Part = TypeVar("_Part", bound=RunRows)
 
@@ -250,7 +259,9 @@ class RunByRun(ArrayProcess):
 
 
 def picked(element: Any, number: int) -> Any:
-    """An action or its parts, with the numbers of one of the parameter sets for which it was read."""
+    """An action or its parts, with the numbers of one of the parameter sets for
+    which it was read.
+    """
     if isinstance(element, NumberColumn):
         return float(element.view(np.ndarray)[number])
     if isinstance(element, tuple):

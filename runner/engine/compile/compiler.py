@@ -154,7 +154,9 @@ class ScenarioContext:
         )
 
     def late(self, check: Callable[[], None]) -> None:
-        """Have something done once the whole storyboard stands (references to storyboard elements)."""
+        """Have something done once the whole storyboard stands (references to
+        storyboard elements).
+        """
         self._late.append(check)
 
     def each_step(self, observe: Callable[[Run], None]) -> None:
@@ -175,7 +177,8 @@ class ScenarioContext:
         """The road network, for elements that make no sense without one."""
         if self.network is None:
             raise node.invalid(
-                "the position needs a road network, and the scenario names none: name one in RoadNetwork/LogicFile, "
+                "the position needs a road network, and the scenario names none: name one in "
+                "RoadNetwork/LogicFile, "
                 "or let --road auto make straight roads"
             )
         return self.network
@@ -246,7 +249,8 @@ class ScenarioContext:
             self.repair(
                 triggering,
                 EMPTY_ELEMENTS_UID,
-                f"an element EntityRef is expected inside; without one the condition is {truth} true",
+                "an element EntityRef is expected inside; without one the "
+                f"condition is {truth} true",
                 "empty",
             )
         elif (other := inner.get("entityRef", "")) and {entity.name for entity in entities} == {
@@ -277,7 +281,9 @@ class ScenarioContext:
         return action
 
     def _varies(self, node: Node) -> bool:
-        """Whether an element has numbers that vary between the parameter sets for which it is read."""
+        """Whether an element has numbers that vary between the parameter sets
+        for which it is read.
+        """
         return self.many and any(
             MARK in text for part in node.iter() for text in part.element.attrib.values()
         )
@@ -356,7 +362,10 @@ def _executed(remark: Remark) -> Remark:
     for family in (registry.action, registry.condition, registry.position):
         family.load()
         if remark.element in family.classes:
-            text = f"the element {remark.element} is in no version of the standard here; it is executed as an extension"
+            text = (
+                f"the element {remark.element} is in no version of the standard here; it is "
+                "executed as an extension"
+            )
             return replace(remark, message=text, cause="")
     return remark
 

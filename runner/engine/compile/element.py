@@ -276,7 +276,9 @@ class EntityCondition(ABC):
 
     @abstractmethod
     def holds(self, entity: Entity, run: Instant) -> bool:
-        """Whether the expression is true for this entity now; an undefined quantity makes it false."""
+        """Whether the expression is true for this entity now; an undefined
+        quantity makes it false.
+        """
 
     def in_arrays(self, entity: EntityRows, run: ArrayRun) -> Callable[[], BoolArray]:
         """Same as `Condition.in_arrays`, for this entity."""
@@ -327,7 +329,9 @@ class ByEntityCondition(Condition):
         self.condition.measure_from(self.entities)
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Return the time until which no value of a present entity changes; one that appears ends it."""
+        """Return the time until which no value of a present entity changes; one
+        that appears ends it.
+        """
         found = Dormancy()
         for entity in self.entities:
             if entity.active:

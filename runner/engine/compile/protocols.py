@@ -1,5 +1,5 @@
-"""Protocols of a run, `runner.engine.storyboard.simulation.Simulation`: what it offers to positions,
-conditions and actions, its storyboard elements, and actions in progress.
+"""Protocols of a run, `runner.engine.storyboard.simulation.Simulation`: what it offers to
+positions, conditions and actions, its storyboard elements, and actions in progress.
 
 Each protocol adds to the one before; `Simulation` is all of them.
 """

@@ -78,7 +78,8 @@ class Registry:
         self.refused[name] = reason
 
     def load(self) -> None:
-        """Import the family's modules, and those of installed packages, so that the tables are complete.
+        """Import the family's modules, and those of installed packages, so that
+        the tables are complete.
 
         Raises:
             UsageError: a plug-in can't be imported, takes a name in use or registers nothing.
@@ -177,7 +178,8 @@ class Context(Protocol):
         ...
 
     def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
-        """An element breaks a rule and has one sensible meaning all the same, which its class goes on with.
+        """An element breaks a rule and has one sensible meaning all the same,
+        which its class goes on with.
 
         Args:
             rule: uid of the rule.
@@ -191,7 +193,9 @@ class Context(Protocol):
         ...
 
     def need_network(self, node: Node) -> RoadNetwork:
-        """The road network, for elements that make no sense without one: InvalidFile at the element where there is none."""
+        """The road network, for elements that make no sense without one:
+        InvalidFile at the element where there is none.
+        """
         ...
 
     def entity(self, node: Node, attribute: str = "entityRef") -> Entity:
@@ -211,11 +215,15 @@ class Context(Protocol):
         ...
 
     def storyboard_elements(self) -> list[StoryboardElement]:
-        """All named storyboard elements in document order; complete only once the whole storyboard is read (`late`)."""
+        """All named storyboard elements in document order; complete only once
+        the whole storyboard is read (`late`).
+        """
         ...
 
     def late(self, check: Callable[[], None]) -> None:
-        """Have something done once the whole storyboard is read (references to storyboard elements)."""
+        """Have something done once the whole storyboard is read (references to
+        storyboard elements).
+        """
         ...
 
     def each_step(self, observe: Callable[[Run], None]) -> None:

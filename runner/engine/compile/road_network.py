@@ -1,4 +1,6 @@
-"""Road network of a scenario: its own, a found one, or one that is made from the positions in use."""
+"""Road network of a scenario: its own, a found one, or one that is made from the
+positions in use.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,10 @@ def load_roads(
             _made(document.node, logic) if road == "auto" else _given(document.node, logic, road)
         )
     if found is None and logic is not None:
-        lacks = f"the road network {logic.get('filepath')!r} does not exist, and no position names a road"
+        lacks = (
+            f"the road network {logic.get('filepath')!r} does not exist, and no "
+            "position names a road"
+        )
         return None, (logic.remark(RULE, f"{lacks}; a plane without roads is assumed"),)
     if found is None:
         return None, ()
@@ -83,7 +88,8 @@ def roads_for(
         roads = _made(resolved.node, logic)
     if roads is None and logic is not None:
         raise logic.invalid(
-            "--road auto makes the roads that positions name, and no position of this scenario names one"
+            "--road auto makes the roads that positions name, and no position of "
+            "this scenario names one"
         )
     return roads
 
@@ -141,7 +147,10 @@ def _keep(content: bytes, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         keep(content, path)
     except OSError as error:
-        message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
+        message = (
+            f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR "
+            "to another one"
+        )
         raise UsageError(message, path=path.parent) from None
 
 

@@ -68,7 +68,10 @@ class Aim(NamedTuple):
     def describe(self, whose: str, angle: float | None) -> str:
         """The angle compared."""
         seen = "undefined" if angle is None else f"{angle:.4g} rad"
-        return f"{self.kind} of {whose} ({self.system}) = {seen}, {self.angle:g} ± {self.tolerance:g} rad expected"
+        return (
+            f"{self.kind} of {whose} ({self.system}) = {seen}, {self.angle:g} ± "
+            f"{self.tolerance:g} rad expected"
+        )
 
 
 def _reference(entity: Entity, run: Instant, system: str) -> Angles | None:

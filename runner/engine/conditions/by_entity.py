@@ -386,7 +386,10 @@ class TraveledDistanceCondition(EntityCondition):
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The distance travelled."""
-        return f"distance travelled by {entity.name} = {self._travelled(entity):.2f} m ≥ {self.distance:g} m"
+        return (
+            f"distance travelled by {entity.name} = {self._travelled(entity):.2f} m ≥ "
+            f"{self.distance:g} m"
+        )
 
 
 def project(entity: Entity, x: float, y: float, direction: str) -> float:

@@ -363,7 +363,9 @@ class StoryboardElementStateCondition(Condition):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> StoryboardElementStateCondition:
-        """Read reference, type and state; the element is looked up once the storyboard is complete."""
+        """Read reference, type and state; the element is looked up once the
+        storyboard is complete.
+        """
         kind = node.choice("storyboardElementType", _KINDS)
         name = node.get("storyboardElementRef")
         self = cls(node.choice("state", _STATES + _TRANSITIONS))
@@ -447,6 +449,7 @@ def find_element(
     if len(found) > 1:
         paths = ", ".join(e.path for e in found[:4])
         raise node.invalid(
-            f"storyboardElementRef={name!r} is ambiguous: {paths}; name it with those around it, as a path"
+            f"storyboardElementRef={name!r} is ambiguous: {paths}; name it with those "
+            "around it, as a path"
         )
     return found[0]

@@ -102,7 +102,10 @@ class RelativeClearanceCondition(EntityCondition):
         inside = self._first_inside(entity, run, lanes)
         named = ", ".join(f"{lane:+d}" if lane else "0" for lane in sorted(lanes))
         state = "clear" if inside is None else f"occupied by {inside.name}"
-        return f"lanes {named} of {entity.name} from {-self.backward:g} m to {self.forward:g} m are {state}"
+        return (
+            f"lanes {named} of {entity.name} from {-self.backward:g} m to "
+            f"{self.forward:g} m are {state}"
+        )
 
     def _lanes(self, entity: Entity, run: Instant) -> frozenset[int]:
         """Relative lanes to be checked; empty where there are none."""

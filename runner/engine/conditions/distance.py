@@ -202,7 +202,8 @@ class PlaceRows(RunRows):
     def __init__(self, position: Position, sets: IntArray) -> None:
         if position.at_set(0).fixed is None:
             raise NotInArrays(
-                f"{position.node.tag} is a place relative to entities, which conditions know in single runs only"
+                f"{position.node.tag} is a place relative to entities, which conditions know in "
+                "single runs only"
             )
         if position.fixed is not None:
             places = [position.fixed] * len(sets)

@@ -75,7 +75,9 @@ class PosedMotion:
         self._pose = (0.0, 0.0, 0.0)
 
     def put(self, entity: Entity, x: float, y: float, h: float) -> None:
-        """Take the entity off its lane or path and give it a pose for the end of the step; m, rad."""
+        """Take the entity off its lane or path and give it a pose for the end of
+        the step; m, rad.
+        """
         self._pose = (x, y, wrap(h))
         entity.on_lane = False
         entity.controls.motion = self
@@ -248,7 +250,9 @@ class PathMotion:
         return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < -_ACROSS
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
-        """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
+        """Distance (m) along the path to the point of it nearest to a place;
+        negative once passed.
+        """
         # The place of a fixed position is one object throughout a run: the search is done once.
         if self._target is None or self._target[0] is not placement:
             self._target = placement, nearest(self.path, placement.x, placement.y)

@@ -105,7 +105,8 @@ def _check(order: int, points: Sequence[ControlPoint], knots: Sequence[float]) -
         )
     if len(knots) != len(points) + order:
         raise ValueError(
-            f"{len(points)} control points of order {order} need {len(points) + order} knots, not {len(knots)}"
+            f"{len(points)} control points of order {order} need {len(points) + order} knots, not "
+            f"{len(knots)}"
         )
     if any(b < a for a, b in pairwise(knots)):
         raise ValueError("knots must not decrease")
@@ -132,7 +133,8 @@ def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[floa
         count = int(min(max(_FEWEST, reach / _SPACING), _MOST))
         if len(parameters) + count > _MOST_OF_ALL:
             raise ValueError(
-                f"a curve of more than {_MOST_OF_ALL} samples is too long, or has too many control points"
+                f"a curve of more than {_MOST_OF_ALL} samples is too long, or has too many "
+                "control points"
             )
         parameters += [start + (end - start) * step / count for step in range(1, count + 1)]
     return parameters

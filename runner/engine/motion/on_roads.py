@@ -587,7 +587,9 @@ class Roads:
     def follow_lane(
         self, entity: Entity, point: RoadPoint, direction: int, heading_offset: float = 0.0
     ) -> None:
-        """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
+        """Let an entity follow the lane it is on, facing along (+1) or against
+        (−1) increasing s.
+        """
         assert self.network is not None and self.lane_motion is not None
         entity.road, entity.layer = self.network.road_of(point), point.layer
         entity.section = entity.road.section(point.s)

@@ -118,7 +118,9 @@ def _road_point(
 
 
 def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
-    """Return the start of a leg of a route, on a lane in the direction of travel if there is one."""
+    """Return the start of a leg of a route, on a lane in the direction of travel
+    if there is one.
+    """
     road = network.road(leg.road_id)
     lanes = road.lane_ids(leg.enter)
     # The lane next to the reference line of those with the traffic, or of all on a road against it.

@@ -182,7 +182,8 @@ def prescribed(
             time, speed = time + duration, speed + duration * acceleration
             if speed < -_STANDS:
                 raise ValueError(
-                    f"speeds and accelerations would lead backwards between {before:g} s and {after:g} s"
+                    "speeds and accelerations would lead backwards between "
+                    f"{before:g} s and {after:g} s"
                 )
     final = motions[-1].speed
     return Schedule(

@@ -460,7 +460,9 @@ def closing_lateral(
 
 
 class _Encounter(NamedTuple):
-    """Position of b relative to a (m) and both velocities (m/s), each ahead and to the left of a."""
+    """Position of b relative to a (m) and both velocities (m/s), each ahead and
+    to the left of a.
+    """
 
     apart: tuple[float, float]
     own: tuple[float, float]

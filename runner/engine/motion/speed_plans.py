@@ -245,7 +245,9 @@ def _through(before: _Segment, after: _Segment) -> float:
 
 
 def _curve(segment: _Segment, first: float, last: float, rates: _Rates) -> _Curve | None:
-    """The curve of a segment between accelerations (m/s²) at its ends; None where it is impossible."""
+    """The curve of a segment between accelerations (m/s²) at its ends; None
+    where it is impossible.
+    """
     duration, change = segment.duration, segment.reached - segment.start
     if duration == math.inf or duration == 0.0:
         return (

@@ -158,7 +158,10 @@ class PolylineShape(TrajectoryShape):
         positions = [context.position(vertex.need("Position")) for vertex in vertices]
         interpolation = node.find("Interpolation")
         if interpolation is not None:
-            text = "the vertices are joined by a smooth curve: cubics whose tangents are those of parabolas through three vertices"
+            text = (
+                "the vertices are joined by a smooth curve: cubics whose tangents are those of "
+                "parabolas through three vertices"
+            )
             context.remarks.add(interpolation.remark(INTERPOLATION_UID, text))
         times = [vertex.finite("time", None) for vertex in vertices]
         for second in range(1, len(vertices)):
@@ -329,7 +332,8 @@ def _read_bend(node: Node) -> _Bend:
 def _own_place(node: Node, actor: Entity | None) -> Placement:
     if actor is None or not actor.placed:
         raise node.invalid(
-            "the first segment has no PositionStart, and there is no entity whose position could be meant"
+            "the first segment has no PositionStart, and there is no entity whose "
+            "position could be meant"
         )
     return Placement(actor.x, actor.y, actor.z, actor.h)
 
@@ -461,12 +465,14 @@ class Trajectory:
         for (before, here), (after, there) in pairwise(known):
             if after < before or max(-before, after) > _LATEST:
                 raise self.node.invalid(
-                    f"the time {after:g} s follows {before:g} s, but times must grow from one to the next"
+                    f"the time {after:g} s follows {before:g} s, but times must grow "
+                    "from one to the next"
                 )
             duration = scale * (after - before)
             if there - here > _FASTEST * duration + _JUMP:
                 raise self.node.invalid(
-                    f"the trajectory covers {there - here:g} m in {duration:g} s, after {before:g} s"
+                    f"the trajectory covers {there - here:g} m in {duration:g} s, after "
+                    f"{before:g} s"
                 )
         return Timetable([scale * time for time, _ in known], [station for _, station in known])
 

@@ -88,11 +88,15 @@ class Declaration:
         return self.box.x + self.box.length / 2
 
     def invalid(self, message: str) -> InvalidFile:
-        """An InvalidFile at the element that describes the participant, to be raised by the caller."""
+        """An InvalidFile at the element that describes the participant, to be
+        raised by the caller.
+        """
         return self.node.invalid(message) if self.node is not None else InvalidFile(message)
 
     def unsupported(self, message: str) -> Unsupported:
-        """An Unsupported at the element that describes the participant, to be raised by the caller."""
+        """An Unsupported at the element that describes the participant, to be
+        raised by the caller.
+        """
         return self.node.unsupported(message) if self.node is not None else Unsupported(message)
 
 

@@ -1,4 +1,5 @@
-"""Read the entities of a scenario: objects with their trailers and controllers, selections; remarks on controllers.
+"""Read the entities of a scenario: objects with their trailers and controllers,
+selections; remarks on controllers.
 
 A controller that a scenario never activates has no say (OpenSCENARIO XML 1.3, 6.6); it is a remark
 all the same where the scenario leaves open when controllers are active, as most files of version
@@ -35,7 +36,9 @@ def read_entities(node: Node, context: Context) -> None:
 
 
 def read_object(node: Node, name: str) -> Declaration:
-    """Read the declaration of a ScenarioObject, ScenarioObjectTemplate or Trailer, without its trailer."""
+    """Read the declaration of a ScenarioObject, ScenarioObjectTemplate or
+    Trailer, without its trailer.
+    """
     described = next((child for child in node.children() if child.tag in _KINDS), None)
     if described is None:
         external = node.find("ExternalObjectReference")
@@ -134,9 +137,13 @@ def _couple(node: Node, tractor: Entity, trailer: Entity, context: Context) -> N
 
 
 _SMALLEST_BOX = 1e-3
-"""Least size of the largest dimension of a vehicle's box, m; pedestrians and objects of catalogues of CARLA are points"""
+"""Least size of the largest dimension of a vehicle's box, m; pedestrians and
+objects of catalogues of CARLA are points
+"""
 _LARGEST_BOX = 1e6
-"""Largest size of a box and offset of its centre (m); beyond it sums of coordinates overflow or lose their decimals"""
+"""Largest size of a box and offset of its centre (m); beyond it sums of
+coordinates overflow or lose their decimals
+"""
 
 
 def _read_box(node: Node) -> BoundingBox:
@@ -205,7 +212,9 @@ _REACTIONS = ("consider_obstacles", "consider_trafficlights")
 
 
 def module_of(controller: Mapping[str, str]) -> str | None:
-    """The name of a controller's module, without folders, packages and ending; None where its properties have none."""
+    """The name of a controller's module, without folders, packages and ending;
+    None where its properties have none.
+    """
     module = controller.get("module")
     return (
         PurePosixPath(module.replace("\\", "/")).name.removesuffix(".py").rpartition(".")[2]
@@ -248,12 +257,14 @@ def controller_remarks(
             remarks += [text] if text else []
         if entity.controls.activated and not entity.controls.controllers and entity is not driven:
             remarks.append(
-                f"{entity.name}: a controller is activated, and the scenario gives it none: it moves as scripted"
+                f"{entity.name}: a controller is activated, and the scenario gives it none: it "
+                "moves as scripted"
             )
     if driven is not None and cruise is not None:
         asked = f"the system under test is asked for {cruise:.3g} m/s"
         remarks.append(
-            f"{driven.name} is driven from outside ({EXTERNAL}), and Init gives it no speed: {asked}"
+            f"{driven.name} is driven from outside ({EXTERNAL}), and Init gives "
+            f"it no speed: {asked}"
         )
     return tuple(dict.fromkeys(remarks))
 
@@ -261,13 +272,19 @@ def controller_remarks(
 def _replaced(name: str, controller: str, properties: Mapping[str, str]) -> str:
     if module_of(properties) == EXTERNAL:
         return ""
-    return f"{name}: the system under test takes the place of the controller {controller!r}, which is not executed"
+    return (
+        f"{name}: the system under test takes the place of the controller {controller!r}, which "
+        "is not executed"
+    )
 
 
 def _module_remark(name: str, controller: Mapping[str, str]) -> str:
     module = module_of(controller)
     if module == EXTERNAL:
-        return f"{name} is to be driven from outside ({EXTERNAL}), and no system under test does (--sut): it moves as scripted"
+        return (
+            f"{name} is to be driven from outside ({EXTERNAL}), and no system under test does "
+            "(--sut): it moves as scripted"
+        )
     if module == _STRAIGHT:
         return f"{name}: {module} would not steer; it follows its lane"
     if module in _AS_SCRIPTED:

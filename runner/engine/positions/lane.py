@@ -71,7 +71,10 @@ def _road_and_s(node: Node, context: Context) -> tuple[Road, float]:
         raise node.invalid(error.message) from None
     if not -_TOLERANCE <= s <= road.length + _TOLERANCE:
         end = "its beginning" if s < 0.0 else "its end"
-        text = f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long; {end} is assumed"
+        text = (
+            f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m "
+            f"long; {end} is assumed"
+        )
         context.repair(node, ROAD_LENGTH_UID, text, misplaced(max(-s, s - road.length)))
     return road, min(max(s, 0.0), road.length)
 
@@ -207,7 +210,10 @@ class _RelativeRoadPosition(Position):
         point, aligned, left = travel_s(self.network, origin, ds, choose)
         if left:
             side = "after" if ds > 0.0 else "before"
-            text = f"the road ends less than {abs(ds):g} m {side} {self.entity.name!r}; its end is assumed"
+            text = (
+                f"the road ends less than {abs(ds):g} m {side} "
+                f"{self.entity.name!r}; its end is assumed"
+            )
             self.repair(run, ROAD_LENGTH_UID, text, misplaced(left))
         return point, aligned
 
@@ -326,7 +332,10 @@ class RelativeLanePosition(_RelativeRoadPosition):
             return lane, 0.0
         outward = 1 if steps > 0 else -1
         outermost = road.lane_beside(s, reached.lane_id, steps - outward)
-        text = f"dLane={self.lanes} leads from {self.entity.name!r} beyond the lanes of road {road.id!r}"
+        text = (
+            f"dLane={self.lanes} leads from {self.entity.name!r} beyond the "
+            f"lanes of road {road.id!r}"
+        )
         if outermost is None:
             raise self.node.invalid(f"{text} at s = {s:.2f} m")
         self.repair(run, LANE_UID, f"{text}; a lane beside the road is assumed")
@@ -342,7 +351,10 @@ class RelativeLanePosition(_RelativeRoadPosition):
             center, self.ds_lane, ahead, route.choose if route is not None else None
         )
         if left > _TOLERANCE:
-            text = f"the lane of {entity.name!r} ends before dsLane={self.ds_lane:g}; its end is assumed"
+            text = (
+                f"the lane of {entity.name!r} ends before "
+                f"dsLane={self.ds_lane:g}; its end is assumed"
+            )
             self.repair(run, ROAD_LENGTH_UID, text, misplaced(left))
         return point, forward == ahead
 

@@ -83,7 +83,10 @@ class RoutePosition(Position):
         where = self.where
         distance = where.finite("pathS")
         if not -_TOLERANCE <= distance <= path.length + _TOLERANCE:
-            what = f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long"
+            what = (
+                f"pathS={distance:g} is not on the route {self.route.name!r}, which is "
+                f"{path.length:.2f} m long"
+            )
             end = "beginning" if distance < 0.0 else "end"
             repair(
                 where,
@@ -141,7 +144,8 @@ class TrajectoryPosition(Position):
         path = track.path
         if not -_TOLERANCE <= self.s <= path.length + _TOLERANCE:
             raise self.node.invalid(
-                f"s={self.s:g} is not on the trajectory {self.trajectory.name!r}, which is {path.length:.2f} m long"
+                f"s={self.s:g} is not on the trajectory {self.trajectory.name!r}, which is "
+                f"{path.length:.2f} m long"
             )
         pose, h = path.at(self.s), tangent(path, self.s)
         x, y = pose.x - self.t * math.sin(h), pose.y + self.t * math.cos(h)

@@ -92,7 +92,9 @@ def on_road(
 
 @registry.position("WorldPosition")
 class WorldPosition(FixedPosition):
-    """x, y, z, h, p, r in the world; without z on the surface of the road there, without angles 0."""
+    """x, y, z, h, p, r in the world; without z on the surface of the road there,
+    without angles 0.
+    """
 
     def __init__(self, node: Node, placement: Placement) -> None:
         super().__init__(node, placement)
@@ -156,7 +158,9 @@ class RelativeWorldPosition(_RelativePosition):
 
 @registry.position("RelativeObjectPosition")
 class RelativeObjectPosition(_RelativePosition):
-    """dx forward, dy to the left and dz upward in an entity's own frame, from its reference point."""
+    """dx forward, dy to the left and dz upward in an entity's own frame, from
+    its reference point.
+    """
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RelativeObjectPosition:

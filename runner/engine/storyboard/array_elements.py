@@ -232,7 +232,8 @@ def _process(
     action: Action, actor: EntityRows | None, run: StoryboardArrays, element: ActionElement
 ) -> ArrayProcess:
     try:
-        return action.in_arrays(run) if isinstance(action, GlobalAction) else action.in_arrays(actor, run)  # type: ignore[arg-type]  # fmt: skip
+        return action.in_arrays(run) if isinstance(action,
+            GlobalAction) else action.in_arrays(actor, run)  # type: ignore[arg-type]  # fmt: skip
     except NotInArrays as error:
         if error.path is None and element.node is not None:
             node = element.node

@@ -120,7 +120,9 @@ class Single:
         self.relocated(entity)
 
     def relocated(self, entity: Entity) -> None:
-        """Show an entity where an action has put it at this time, not only after the coming step."""
+        """Show an entity where an action has put it at this time, not only after
+        the coming step.
+        """
         self.put.append(entity.name)
 
     def note(self, kind: str, subject: str, text: str = "") -> None:

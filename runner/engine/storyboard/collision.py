@@ -190,7 +190,9 @@ def _longest(a: Entity, b: Entity, dt: float) -> float:
 
 
 def jumped(entity: Entity, dt: float) -> bool:
-    """Whether an entity was put elsewhere in this step: it has moved further than its speed allows."""
+    """Whether an entity was put elsewhere in this step: it has moved further
+    than its speed allows.
+    """
     fastest = max(abs(entity.speed), abs(entity.speed - entity.acceleration * dt))
     return math.hypot(entity.vx, entity.vy) * dt > fastest * dt + JUMP
 

@@ -110,7 +110,10 @@ def egoless(
     if not vehicles:
         return (f"the scenario has no vehicle: {', and '.join(effects)}",)
     return (
-        f"no vehicle is known to be the ego: {', and '.join(effects)}; --ego {vehicles[0]} would make it that",
+        (
+            f"no vehicle is known to be the ego: {', and '.join(effects)}; --ego {vehicles[0]} "
+            "would make it that"
+        ),
     )
 
 

@@ -157,7 +157,9 @@ class Simulation:
         self.finished = self.storyboard.evaluate(self)
 
     def tick(self) -> bool:
-        """One step; false once the storyboard's stop trigger has ended the run (time then stands)."""
+        """One step; false once the storyboard's stop trigger has ended the run
+        (time then stands).
+        """
         if self.finished:
             return False
         dt = self.dt
@@ -411,7 +413,9 @@ class Simulation:
         self.changes += 1
 
     def note(self, kind: str, subject: str, text: str = "", time: float | None = None) -> None:
-        """Write a line of the event log; it may matter to a condition, so all conditions are woken."""
+        """Write a line of the event log; it may matter to a condition, so all
+        conditions are woken.
+        """
         self.wake()
         self.log.append(LogEntry(self.time if time is None else time, kind, subject, text))
 

@@ -244,7 +244,10 @@ class ActionElement(Element):
     def _leave_out(self, run: StoryboardRun, actor: Entity) -> None:
         run.note("entity", actor.name, f"is not there: {self.path} leaves it out")
         if self.node is not None:
-            text = f"{actor.name!r} is not there at {run.time:.2f} s: the action {self.name!r} does nothing for it"
+            text = (
+                f"{actor.name!r} is not there at {run.time:.2f} s: the action {self.name!r} does "
+                "nothing for it"
+            )
             run.remarks.note(self.node.remark(ENTITY_POSITION_UID, text))
 
     def _start_private(self, run: StoryboardRun, action: PrivateAction, actor: Entity) -> None:

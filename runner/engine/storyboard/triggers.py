@@ -461,5 +461,7 @@ class OneShotCondition(TimedCondition):
         return bool(self._reason)
 
     def describe(self, run: Instant) -> str:
-        """Reason and time at which it has become true; the expression with the values of now before that."""
+        """Reason and time at which it has become true; the expression with the
+        values of now before that.
+        """
         return self._reason or super().describe(run)

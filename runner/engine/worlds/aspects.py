@@ -9,7 +9,8 @@ of letters:
 | `flashing yellow`, `yellow blinking` | flashing yellow |
 | three lamps from top to bottom (`on;off;off`) | red, yellow, green, whichever are lit |
 | two lamps from top to bottom (`off;on`) | red, green |
-| `stop`, `go`, `caution`, `attention_go`, `attention_stop`, `fallback` | those of the semantics below |
+| `stop`, `go`, `caution`, `attention_go`, `attention_stop`, `fallback` | those
+of the semantics below |
 | `off`, `dark`, `none`, `inactive`, `disabled`, nothing | off |
 
 Where a phase has `semantics` (since 1.4), these decide: `stop` is red, `attention_go` red and
@@ -34,7 +35,8 @@ class Aspect(StrEnum):
 
 
 SEMANTICS = {
-    "stop": Aspect.RED, "attention_go": Aspect.RED_YELLOW, "go": Aspect.GREEN, "attention_stop": Aspect.YELLOW,
+    "stop": Aspect.RED, "attention_go": Aspect.RED_YELLOW, "go": Aspect.GREEN,
+    "attention_stop": Aspect.YELLOW,
     "caution": Aspect.CAUTION, "fallback": Aspect.OFF,
 }  # fmt: skip
 """Aspect by the semantics of a phase."""

@@ -128,7 +128,8 @@ class SumoWorld:
         """
         if SumoWorld._present is not None:
             raise UsageError(
-                "a run on SUMO is open in this process, which can hold one: close it, or use world=kinematic"
+                "a run on SUMO is open in this process, which can hold one: close it, or use "
+                "world=kinematic"
             )
         self._net = sumo_net.build(network.path if network is not None else None)
         self._network, self._timestep, self._seed = network, timestep, seed
@@ -224,5 +225,7 @@ class SumoWorld:
         self.begin().ask(entity, request)
 
     def read(self, entity: Entity) -> WorldState | None:
-        """State of a participant that SUMO drives; None once it has left at the end of its route."""
+        """State of a participant that SUMO drives; None once it has left at the
+        end of its route.
+        """
         return self.simulation.read(entity) if self.simulation is not None else None

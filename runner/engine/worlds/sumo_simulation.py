@@ -368,7 +368,9 @@ class SumoSimulation:
         )
 
     def read(self, entity: Entity) -> WorldState | None:
-        """State of a participant that SUMO drives; None once it has left at the end of its route."""
+        """State of a participant that SUMO drives; None once it has left at the
+        end of its route.
+        """
         due = self._driven.get(entity)
         if due is None:
             return None

@@ -57,7 +57,8 @@ RED, RED_YELLOW, YELLOW, GREEN, YIELD, OFF = "r", "u", "y", "g", "o", ""
 one or another letter."""
 
 _LETTERS = {
-    Aspect.RED: RED, Aspect.RED_YELLOW: RED_YELLOW, Aspect.YELLOW: YELLOW, Aspect.GREEN: GREEN, Aspect.CAUTION: YIELD,
+    Aspect.RED: RED, Aspect.RED_YELLOW: RED_YELLOW, Aspect.YELLOW: YELLOW, Aspect.GREEN: GREEN,
+    Aspect.CAUTION: YIELD,
     Aspect.OFF: OFF,
 }  # fmt: skip
 

@@ -207,7 +207,8 @@ class TrafficSignals:
         for child in node.children("TrafficSignalController") if node is not None else ():
             if nodes.setdefault(child.get("name"), child) is not child:
                 raise child.invalid(
-                    f"another traffic signal controller is called {child.get('name')!r}, too; names must differ"
+                    f"another traffic signal controller is called {child.get('name')!r}, too; "
+                    "names must differ"
                 )
         controllers = tuple(
             SignalController(
@@ -238,7 +239,8 @@ class TrafficSignals:
         )
         if self._network is not None and name not in self._network.signals and not any(controlled):
             raise node.invalid(
-                f"{attribute}={name!r} is not a signal of the road network {self._network.path.name}"
+                f"{attribute}={name!r} is not a signal of the road network "
+                f"{self._network.path.name}"
             )
         return name
 
@@ -275,7 +277,8 @@ class TrafficSignals:
         name, phase = node.get("trafficSignalControllerRef"), node.get("phase")
         if name not in self.controllers:
             raise node.invalid(
-                f"trafficSignalControllerRef={name!r} is not a traffic signal controller of this scenario"
+                f"trafficSignalControllerRef={name!r} is not a traffic signal "
+                "controller of this scenario"
             )
         if phase not in {candidate.name for candidate in self.controllers[name].phases}:
             raise node.invalid(
@@ -367,7 +370,8 @@ def _group(node: Node, controller: str, network: RoadNetwork | None) -> tuple[st
         if controller in (group.id, group.name):
             return group.signals
     raise node.invalid(
-        f"the road network has no controller {controller!r} whose signals could be put into the state"
+        f"the road network has no controller {controller!r} whose signals could "
+        "be put into the state"
     )
 
 

@@ -149,7 +149,8 @@ def categories(definition: Node) -> dict[str, float]:
     for _, entry in entries:
         if entry.get("category") not in _BOXES:
             raise entry.unsupported(
-                f"SUMO's drivers drive {', '.join(_BOXES)} on their own, but no {entry.get('category')}"
+                f"SUMO's drivers drive {', '.join(_BOXES)} on their own, but no "
+                f"{entry.get('category')}"
             )
     return {entry.get("category"): weight for weight, entry in entries}
 

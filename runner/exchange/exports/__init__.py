@@ -68,7 +68,9 @@ def target_of(name: str) -> ExportTarget | None:
 
 
 def target_lines() -> list[tuple[str, str, str]]:
-    """Name, source (a run, the file, a plug-in) and summary of all targets; no plug-in is imported."""
+    """Name, source (a run, the file, a plug-in) and summary of all targets; no
+    plug-in is imported.
+    """
     own = [
         (target.name, "a run" if target.of_run else "the file", target.summary)
         for target in TARGETS.values()

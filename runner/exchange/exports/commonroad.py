@@ -56,19 +56,26 @@ FATES = {
     "category": changed("`type` of the obstacle: car, truck, bus, bicycle, …"),
     "role": changed("ambulance, fire and police are priorityVehicle; others are lost"),
     "length and width": kept("`rectangle`"), "height of the box": lost("shapes are flat"),
-    "box about the reference point": lost(_CENTRE), "front axle": lost("no attribute"), "mass": lost("no attribute"),
+    "box about the reference point": lost(_CENTRE), "front axle": lost("no attribute"),
+    "mass": lost("no attribute"),
     "ego": kept("`planningProblem`"), "time": kept("`time`"),
     "position": changed("box centres; the ego has its start and its goal, its way is the solution"),
-    "height": changed("`positionZ` of all but the ego, where roads are not flat"), "heading": kept("`orientation`"),
+    "height": changed("`positionZ` of all but the ego, where roads are not flat"),
+    "heading": kept("`orientation`"),
     "pitch": changed("`pitchAngle`, `rollAngle` of all but the ego, where roads are not flat"),
-    "roll": changed("`pitchAngle`, `rollAngle` of all but the ego, where roads are not flat"), "speed": kept("`velocity`"),
-    "acceleration": kept("`acceleration`"), "place on the road": lost("lanelets are found by position"),
-    "lights": changed("indicators, warning, brake and blue lights: lit or not"), "events": lost(_SCENARIO),
+    "roll": changed("`pitchAngle`, `rollAngle` of all but the ego, where roads are not flat"),
+    "speed": kept("`velocity`"),
+    "acceleration": kept("`acceleration`"),
+    "place on the road": lost("lanelets are found by position"),
+    "lights": changed("indicators, warning, brake and blue lights: lit or not"),
+    "events": lost(_SCENARIO),
     "verdict": lost(_SCENARIO), "criticality": lost(_SCENARIO), "tags": lost(_SCENARIO),
-    "projection": kept("`geoReference`"), "offset": kept("`additionalTransformation`"), "lane borders": kept("bounds"),
+    "projection": kept("`geoReference`"), "offset": kept("`additionalTransformation`"),
+    "lane borders": kept("bounds"),
     "road heights": kept("z of points"), "lane heights": kept("z of points"),
     "lane types": changed("`laneletType`: what both have; others have the type of their road"),
-    "speed limits": kept("sign 274"), "road marks": changed("types that CommonRoad has; colours and widths are lost"),
+    "speed limits": kept("sign 274"),
+    "road marks": changed("types that CommonRoad has; colours and widths are lost"),
     "lane links": kept("`successor`"), "neighbours": kept("`adjacentLeft`, `adjacentRight`"),
     "junctions": changed("their lanelets have the type intersection"),
     "signs": changed("those with a number that CommonRoad has, without heights"),
@@ -77,8 +84,10 @@ FATES = {
 }  # fmt: skip
 """Fates of `runner.exchange.exports.RUN_FIELDS`"""
 _OBSTACLES = with_recent({
-    "car": "car", "van": "car", "truck": "truck", "trailer": "truck", "semitrailer": "truck", "bus": "bus",
-    "motorbike": "motorcycle", "bicycle": "bicycle", "train": "train", "tram": "train", "pedestrian": "pedestrian",
+    "car": "car", "van": "car", "truck": "truck", "trailer": "truck", "semitrailer": "truck",
+    "bus": "bus",
+    "motorbike": "motorcycle", "bicycle": "bicycle", "train": "train", "tram": "train",
+    "pedestrian": "pedestrian",
 })  # fmt: skip
 """CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
 _PRIORITY = {"ambulance", "fire", "police"}
@@ -128,7 +137,8 @@ def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element
             raise unsupported(
                 result,
                 track.name,
-                f"{track.name!r} appears at {track.columns['time'][0]:g} s, but obstacles of CommonRoad start at 0 s",
+                f"{track.name!r} appears at {track.columns['time'][0]:g} s, but obstacles of "
+                "CommonRoad start at 0 s",
             )
     numbers = count(1)
     root = etree.Element("commonRoad", _header(result, name))
@@ -182,8 +192,10 @@ def _location(network: RoadNetwork, remarks: list[str]) -> etree._Element:
 
 def _header(result: RunResult, name: str) -> dict[str, str]:
     return {
-        "timeStepSize": decimal(result.recording.timestep), "commonRoadVersion": "2020a", "author": "xosc-toolchain",
-        "affiliation": "xosc-toolchain", "source": result.scenario.name, "benchmarkID": benchmark_id(name),
+        "timeStepSize": decimal(result.recording.timestep), "commonRoadVersion": "2020a",
+        "author": "xosc-toolchain",
+        "affiliation": "xosc-toolchain", "source": result.scenario.name,
+        "benchmarkID": benchmark_id(name),
         "date": date(result)[:10],
     }  # fmt: skip
 
@@ -264,7 +276,8 @@ def _states(track: Track, step: float) -> list[etree._Element]:
 
 
 _LIGHTS = {
-    "indicatorLeft": "indicatorLeft", "indicatorRight": "indicatorRight", "brakingLights": "brakeLights",
+    "indicatorLeft": "indicatorLeft", "indicatorRight": "indicatorRight",
+    "brakingLights": "brakeLights",
     "hazardWarningLights": "warningLights", "flashingBlueLights": "specialPurposeLights",
 }  # fmt: skip
 """OpenSCENARIO's lights by those that CommonRoad has."""
@@ -371,10 +384,11 @@ _SPEED_LIMIT = "274"
 
 
 _SIGNS = {
-    "101", "102", "114", "123", "124", "125", "131", "138", "201", "205", "206", "208", "209", "215", "237", "239", "240",
-    "245", "250", "251", "253", "254", "255", "259", "260", "261", "267", "274", "274.1", "274.2", "275", "276", "277", "278",
-    "280", "281", "282", "301", "306", "308", "310", "311", "314", "325.1", "325.2", "327", "330.1", "330.2", "331.1", "331.2",
-    "350", "354", "356", "357",
+    "101", "102", "114", "123", "124", "125", "131", "138", "201", "205", "206", "208", "209",
+    "215", "237", "239", "240", "245", "250", "251", "253", "254", "255", "259", "260", "261",
+    "267", "274", "274.1", "274.2", "275", "276", "277", "278", "280", "281", "282", "301", "306",
+    "308", "310", "311", "314", "325.1", "325.2", "327", "330.1", "330.2", "331.1", "331.2", "350",
+    "354", "356", "357",
 }  # fmt: skip
 """Numbers of signs that CommonRoad has."""
 _WITH_SPEED = {"274", "274.1", "274.2", "275", "278"}

@@ -86,7 +86,9 @@ class RunnerGeometry:
 
     @cached_property
     def _whole(self) -> tuple[Recording, Sequence[Element]]:
-        """The recording of a run, and the elements of the storyboard after it, in document order."""
+        """The recording of a run, and the elements of the storyboard after it,
+        in document order.
+        """
         document = replace(
             self._resolved, root=copy.deepcopy(self._resolved.root.getroottree()).getroot()
         )

@@ -28,16 +28,22 @@ if TYPE_CHECKING:
 
 _OF_ROADS = "labels are of participants; the scenario names the road file"
 FATES = {
-    "name": kept("`name`"), "kind": kept("`kind`"), "category": kept("`type`"), "role": kept("`role`"),
+    "name": kept("`name`"), "kind": kept("`kind`"), "category": kept("`type`"),
+    "role": kept("`role`"),
     "length and width": kept("`cuboid`"), "height of the box": kept("`cuboid`"),
-    "box about the reference point": kept("`box_centre`"), "front axle": kept("`front_axle`"), "mass": kept("`mass`"),
-    "ego": kept("`ego`"), "time": kept("`timestamp`"), "position": kept("`cuboid`"), "height": kept("`cuboid`"),
-    "heading": kept("`cuboid`"), "pitch": kept("`cuboid`"), "roll": kept("`cuboid`"), "speed": kept("`speed`"),
-    "acceleration": kept("`acceleration`"), "place on the road": kept("`road`, `lane`, `s`, `t`"), "lights": kept("`text`"),
+    "box about the reference point": kept("`box_centre`"), "front axle": kept("`front_axle`"),
+    "mass": kept("`mass`"),
+    "ego": kept("`ego`"), "time": kept("`timestamp`"), "position": kept("`cuboid`"),
+    "height": kept("`cuboid`"),
+    "heading": kept("`cuboid`"), "pitch": kept("`cuboid`"), "roll": kept("`cuboid`"),
+    "speed": kept("`speed`"),
+    "acceleration": kept("`acceleration`"), "place on the road": kept("`road`, `lane`, `s`, `t`"),
+    "lights": kept("`text`"),
     "events": kept("`events`"), "verdict": kept("`contexts`"), "criticality": kept("`contexts`"),
     "tags": kept("`tags`"), "projection": kept("`geo`"), "offset": kept("`pose_wrt_parent`"),
     **dict.fromkeys(
-        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks", "lane links", "neighbours",
+        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks",
+            "lane links", "neighbours",
          "junctions", "signs", "traffic lights", "light states", "objects"), lost(_OF_ROADS)),
 }  # fmt: skip
 """Fates of `runner.exchange.exports.RUN_FIELDS`; numbers are rounded to 1e-6"""

@@ -104,23 +104,37 @@ def traffic(osi: Osi, hosts: Sequence[tuple[Any, Any]]) -> Iterator[tuple[str, A
 _BESIDE = "the road file beside the trace has them"
 FATES = {
     "name": kept("`source_reference`"), "kind": kept("`type`"),
-    "category": changed("kinds that OSI has not are other; motorbike is a type of its own"), "role": kept("`role`"),
+    "category": changed("kinds that OSI has not are other; motorbike is a type of its own"),
+    "role": kept("`role`"),
     "length and width": kept("`dimension`"), "height of the box": kept("`dimension`"),
-    "box about the reference point": kept("`bbcenter_to_rear`, `_root`"), "front axle": kept("`bbcenter_to_front`"),
+    "box about the reference point": kept("`bbcenter_to_rear`, `_root`"),
+    "front axle": kept("`bbcenter_to_front`"),
     "mass": lost("OSI has no mass"), "ego": kept("`host_vehicle_id`"), "time": kept("`timestamp`"),
-    "position": kept("box centre"), "height": kept("box centre"), "heading": kept("`yaw`"), "pitch": kept("`pitch`"),
-    "roll": kept("`roll`"), "speed": changed("velocities, accelerations and rates are finite differences of the box centre"),
-    "acceleration": changed("velocities, accelerations and rates are finite differences of the box centre"),
-    "place on the road": changed("of the box centre, in the logical lane (`logical_lane_assignment`)"),
-    "lights": changed("OSI has no daytime running lights and fog lights of their own blinking: others have on, off and other"),
-    "events": lost("ground truth is what is there"), "verdict": lost("ground truth is what is there"),
-    "criticality": lost("ground truth is what is there"), "tags": lost("ground truth is what is there"),
-    "projection": kept("`proj_string`"), "offset": kept("`proj_frame_offset`"), "lane borders": kept("`lane_boundary`"),
-    "road heights": kept("z of boundaries"), "lane heights": kept("z of boundaries"), "lane types": kept("`logical_lane`"),
-    "speed limits": kept("`traffic_rule`"), "road marks": changed("double lines are single; colours that OSI has not are other"),
+    "position": kept("box centre"), "height": kept("box centre"), "heading": kept("`yaw`"),
+    "pitch": kept("`pitch`"),
+    "roll": kept("`roll`"), "speed": changed("velocities, accelerations and rates are finite "
+                                             "differences of the box centre"),
+    "acceleration": changed("velocities, accelerations and rates are finite "
+                            "differences of the box centre"),
+    "place on the road": changed("of the box centre, in the logical lane "
+                                 "(`logical_lane_assignment`)"),
+    "lights": changed("OSI has no daytime running lights and fog lights of their own blinking: "
+                      "others have on, off and other"),
+    "events": lost("ground truth is what is there"),
+    "verdict": lost("ground truth is what is there"),
+    "criticality": lost("ground truth is what is there"),
+    "tags": lost("ground truth is what is there"),
+    "projection": kept("`proj_string`"), "offset": kept("`proj_frame_offset`"),
+    "lane borders": kept("`lane_boundary`"),
+    "road heights": kept("z of boundaries"), "lane heights": kept("z of boundaries"),
+    "lane types": kept("`logical_lane`"),
+    "speed limits": kept("`traffic_rule`"),
+    "road marks": changed("double lines are single; colours that OSI has not are other"),
     "lane links": kept("`successor_lane`"), "neighbours": kept("`left_adjacent_lane`, `right_…`"),
-    "junctions": changed("all lanes of a junction are one lane of type intersection"), "signs": kept("`traffic_sign`"),
-    "traffic lights": kept("`traffic_light`, one a lamp"), "light states": kept("`mode`"), "objects": lost(_BESIDE),
+    "junctions": changed("all lanes of a junction are one lane of type intersection"),
+    "signs": kept("`traffic_sign`"),
+    "traffic lights": kept("`traffic_light`, one a lamp"), "light states": kept("`mode`"),
+    "objects": lost(_BESIDE),
 }  # fmt: skip
 """Fates of `runner.exchange.exports.RUN_FIELDS`; of roads those of lanes within 200 m of the
 participants' ways"""

@@ -77,21 +77,26 @@ _LOGICAL_CLOSE, _SPACING = 0.02, 2.0
 """m by which lines of fewer points may be off, and greatest distance (m) of the points that they
 are chosen from"""
 _TYPES = {
-    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
-    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "CURB", "shoulder": "SHOULDER",
-    "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP", "offRamp": "OFFRAMP",
-    "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP", "median": "MEDIAN", "rail": "RAIL", "tram": "TRAM",
+    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK",
+    "walking": "SIDEWALK",
+    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER",
+    "curb": "CURB", "shoulder": "SHOULDER",
+    "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP",
+    "offRamp": "OFFRAMP",
+    "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP", "median": "MEDIAN",
+    "rail": "RAIL", "tram": "TRAM",
 }  # fmt: skip
 """OSI's types by OpenDRIVE lane type; everything else is `OTHER`"""
 _ROADS = {
-    "lowSpeed", "motorway", "pedestrian", "rural", "townArterial", "townCollector", "townExpressway", "townLocal",
-    "townPlayStreet", "townPrivate", "town", "bicycle",
+    "lowSpeed", "motorway", "pedestrian", "rural", "townArterial", "townCollector",
+    "townExpressway", "townLocal", "townPlayStreet", "townPrivate", "town", "bicycle",
 }  # fmt: skip
 """OpenDRIVE road types that OSI has, too"""
 _UNREFERENCED = {"median", "curb", "tram", "rail"}
 """Lane types whose logical lanes name no physical lane"""
 _PASSING = {
-    "solid": "NONE_ALLOWED", "solid solid": "NONE_ALLOWED", "broken": "BOTH_ALLOWED", "broken broken": "BOTH_ALLOWED",
+    "solid": "NONE_ALLOWED", "solid solid": "NONE_ALLOWED", "broken": "BOTH_ALLOWED",
+    "broken broken": "BOTH_ALLOWED",
     "solid broken": "INCREASING_T", "broken solid": "DECREASING_T",
 }  # fmt: skip
 """Passing rules by road mark, read from larger to smaller t; everything else is `OTHER`"""

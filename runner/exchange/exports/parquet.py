@@ -27,15 +27,19 @@ if TYPE_CHECKING:
 
 FATES = {
     **dict.fromkeys(
-        ("name", "kind", "category", "role", "length and width", "height of the box", "box about the reference point",
+        ("name", "kind", "category", "role", "length and width", "height of the box",
+            "box about the reference point",
          "front axle", "mass", "ego"), kept("participants")),
     **dict.fromkeys(
-        ("time", "position", "height", "heading", "pitch", "roll", "speed", "acceleration", "place on the road"),
+        ("time", "position", "height", "heading", "pitch", "roll", "speed", "acceleration",
+            "place on the road"),
         kept("trajectories")),
-    "lights": kept("events"), "events": kept("events"), "verdict": kept("metadata"), "criticality": kept("criticality"),
+    "lights": kept("events"), "events": kept("events"), "verdict": kept("metadata"),
+    "criticality": kept("criticality"),
     "tags": kept("tags"), "projection": kept("metadata"), "offset": kept("metadata"),
     **dict.fromkeys(
-        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks", "lane links", "neighbours",
+        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks",
+            "lane links", "neighbours",
          "junctions", "signs", "traffic lights"), kept("road file")),
     "light states": kept("events"), "objects": kept("road file"),
 }  # fmt: skip

@@ -173,32 +173,43 @@ def _edges(places: _Places) -> list[str]:
 
 _MOTION, _NETWORK = "SUMO's outputs are of motion", "SUMO's networks have none"
 FATES = {
-    "name": kept("`param`"), "kind": kept("`param`"), "category": kept("`param`"), "role": kept("`param`, `vClass`"),
+    "name": kept("`param`"), "kind": kept("`param`"), "category": kept("`param`"),
+    "role": kept("`param`, `vClass`"),
     "length and width": kept("`vType`"), "height of the box": kept("`vType`"),
-    "box about the reference point": kept("`param`"), "front axle": kept("`param`"), "mass": kept("`vType`"),
-    "ego": kept("`param`"), "time": kept("FCD"), "position": kept("FCD, front bumper"), "height": kept("FCD"),
-    "heading": kept("FCD"), "pitch": kept("FCD, `slope`"), "roll": lost("SUMO's vehicles do not roll"),
+    "box about the reference point": kept("`param`"), "front axle": kept("`param`"),
+    "mass": kept("`vType`"),
+    "ego": kept("`param`"), "time": kept("FCD"), "position": kept("FCD, front bumper"),
+    "height": kept("FCD"),
+    "heading": kept("FCD"), "pitch": kept("FCD, `slope`"),
+    "roll": lost("SUMO's vehicles do not roll"),
     "speed": changed("without the sign of going backwards"), "acceleration": kept("FCD"),
     "place on the road": changed("lane and position of SUMO's network"),
-    "lights": changed("bits of `signals`: lit or not; no licence plate, daytime running light"), "events": lost(_MOTION),
+    "lights": changed("bits of `signals`: lit or not; no licence plate, daytime running light"),
+    "events": lost(_MOTION),
     "verdict": lost(_MOTION), "criticality": lost(_MOTION), "tags": lost(_MOTION),
-    "projection": kept("`projParameter`"), "offset": changed("`netOffset`; not height and turn, which lose the projection"),
+    "projection": kept("`projParameter`"),
+    "offset": changed("`netOffset`; not height and turn, which lose the projection"),
     "lane borders": changed("centre lines are exact, a lane of an edge has one width"),
-    "road heights": kept("z of shapes"), "lane heights": kept("z of shapes"), "lane types": kept("`type`"),
+    "road heights": kept("z of shapes"), "lane heights": kept("z of shapes"),
+    "lane types": kept("`type`"),
     "speed limits": kept("`speed`"), "road marks": lost(_NETWORK),
-    "lane links": kept("connections"), "neighbours": changed("lanes of one edge; opposite ones are other edges"),
+    "lane links": kept("connections"),
+    "neighbours": changed("lanes of one edge; opposite ones are other edges"),
     "junctions": changed("one node each, with netconvert's right of way"), "signs": lost(_NETWORK),
-    "traffic lights": changed("the links that they hold, without their place"), "light states": kept("program `scenario`"),
+    "traffic lights": changed("the links that they hold, without their place"),
+    "light states": kept("program `scenario`"),
     "objects": lost(_NETWORK),
 }  # fmt: skip
 """Fates of `runner.exchange.exports.RUN_FIELDS`; participants of those that have a route"""
 
 _CLASSES = {
-    "ambulance": "emergency", "fire": "emergency", "police": "authority", "military": "army", "publicTransport": "bus",
+    "ambulance": "emergency", "fire": "emergency", "police": "authority", "military": "army",
+    "publicTransport": "bus",
 }  # fmt: skip
 """SUMO's vehicle classes by OpenSCENARIO role; other roles have that of their category."""
 _LIGHTS = {
-    "indicatorRight": 1, "indicatorLeft": 2, "warningLights": 4, "brakeLights": 8, "lowBeam": 16, "fogLights": 32,
+    "indicatorRight": 1, "indicatorLeft": 2, "warningLights": 4, "brakeLights": 8, "lowBeam": 16,
+    "fogLights": 32,
     "highBeam": 64, "reversingLights": 128, "specialPurposeLights": 2048,
 }  # fmt: skip
 """Bits of SUMO's vehicle signals by OpenSCENARIO's light."""
@@ -263,7 +274,8 @@ def _routes(
         broken = next((pair for pair in pairwise(edges) if pair not in roads.joined), None)
         if broken is not None:
             remarks.append(
-                f"{track.name!r} leaves {broken[0]} for {broken[1]}, to which SUMO knows no way: its route ends there"
+                f"{track.name!r} leaves {broken[0]} for {broken[1]}, to which SUMO knows no way: "
+                "its route ends there"
             )
             edges = edges[: edges.index(broken[0]) + 1]
         root.append(_type(track, f"type.{name}", _hurry(track, way, roads), ego))

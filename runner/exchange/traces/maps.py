@@ -51,8 +51,10 @@ _HIGH = 0.5
 _TURN = 12
 """Points of a way through an intersection"""
 _TYPES = {
-    "BIKING": "biking", "SIDEWALK": "sidewalk", "PARKING": "parking", "STOP": "stop", "RESTRICTED": "restricted",
-    "BORDER": "border", "SHOULDER": "shoulder", "EXIT": "exit", "ENTRY": "entry", "ONRAMP": "onRamp", "OFFRAMP": "offRamp",
+    "BIKING": "biking", "SIDEWALK": "sidewalk", "PARKING": "parking", "STOP": "stop",
+    "RESTRICTED": "restricted",
+    "BORDER": "border", "SHOULDER": "shoulder", "EXIT": "exit", "ENTRY": "entry",
+    "ONRAMP": "onRamp", "OFFRAMP": "offRamp",
     "CONNECTINGRAMP": "connectingRamp",
 }  # fmt: skip
 """OpenDRIVE's lane types by OSI's subtype"""
@@ -119,7 +121,10 @@ class _TraceLanes:
     def notes(self) -> list[str]:
         """Inferred facts, one sentence each."""
         words = {
-            "width": "lanes have no boundaries: they are taken {width:g} m wide, or half-way to their neighbours",
+            "width": (
+                "lanes have no boundaries: they are taken {width:g} m wide, or "
+                "half-way to their neighbours"
+            ),
             "centre": "lanes have no centre line: they run as their boundaries do",
             "short": "lanes are shorter or narrower than any vehicle, or have no line: left out",
             "way": "ways through intersections are drawn between the lanes that are paired",
@@ -163,7 +168,8 @@ class _TraceLanes:
         usual = "driving" if kind.type in (kind.TYPE_DRIVING, kind.TYPE_INTERSECTION) else "none"
         self._sides[name] = ids[0], ids[1]
         self.made[name] = Lanelet(
-            name, left, right, type=_TYPES.get(subtype, usual), road_type="unknown", speed_limit=float("inf"),
+            name, left, right, type=_TYPES.get(subtype, usual), road_type="unknown",
+            speed_limit=float("inf"),
             left_mark=marks[0], right_mark=marks[1],
         )  # fmt: skip
 
@@ -314,7 +320,8 @@ class _TraceLanes:
             self._counts["way"] += 1
             name = f"{area.id.value}.{start}.{end}"
             self.made[name] = Lanelet(
-                name, _turn(one.left, two.left), _turn(one.right, two.right), (start,), (end,), type="driving",
+                name, _turn(one.left, two.left), _turn(one.right, two.right), (start,), (end,),
+                type="driving",
                 road_type="unknown", speed_limit=float("inf"),
             )  # fmt: skip
 

@@ -41,9 +41,12 @@ _ROW = 12
 _CREDIBLE = (0.8, 1.25)
 """Way by the given velocities over the way by positions"""
 _VEHICLES = {
-    "SMALL_CAR": "car", "COMPACT_CAR": "car", "CAR": "car", "MEDIUM_CAR": "car", "LUXURY_CAR": "car", "VAN": "van",
-    "DELIVERY_VAN": "van", "HEAVY_TRUCK": "truck", "SEMITRACTOR": "truck", "SEMITRAILER": "semitrailer", "TRAILER": "trailer",
-    "MOTORBIKE": "motorbike", "MOTORCYCLE": "motorbike", "BICYCLE": "bicycle", "BUS": "bus", "TRAM": "tram", "TRAIN": "train",
+    "SMALL_CAR": "car", "COMPACT_CAR": "car", "CAR": "car", "MEDIUM_CAR": "car",
+    "LUXURY_CAR": "car", "VAN": "van",
+    "DELIVERY_VAN": "van", "HEAVY_TRUCK": "truck", "SEMITRACTOR": "truck",
+    "SEMITRAILER": "semitrailer", "TRAILER": "trailer",
+    "MOTORBIKE": "motorbike", "MOTORCYCLE": "motorbike", "BICYCLE": "bicycle", "BUS": "bus",
+    "TRAM": "tram", "TRAIN": "train",
     "STANDUP_SCOOTER": "bicycle", "MICROMOBILITY_DEVICE": "bicycle", "WORK_MACHINE": "truck",
 }  # fmt: skip
 """Category by OSI's vehicle type; all others are cars, with a remark"""
@@ -219,12 +222,14 @@ class _Collected:
         if len(times) and times[0] / _NANO >= _EPOCH:
             zero = int(times[0])
             made.remarks.append(
-                f"times are from the first message, which is at {zero / _NANO:.3f} s of the trace's clock"
+                f"times are from the first message, which is at {zero / _NANO:.3f} s of the "
+                "trace's clock"
             )
         time = (times - zero) / _NANO
         if len(steps) and float(steps.max()) > 1.5 * step:
             made.remarks.append(
-                f"messages are {step:.3f} s apart in the median and {float(steps.max()):.3f} s at most"
+                f"messages are {step:.3f} s apart in the median and "
+                f"{float(steps.max()):.3f} s at most"
             )
         host = self._hosts.most_common(1)[0][0] if self._hosts else None
         tracks, names = [], set[str]()
@@ -245,7 +250,8 @@ class _Collected:
         if self._resized:
             shown = ", ".join(map(str, sorted(self._resized)[:5]))
             made.remarks.append(
-                f"sizes of {len(self._resized)} moving objects change ({shown} first): those of the first message count"
+                f"sizes of {len(self._resized)} moving objects change ({shown} first): those of "
+                "the first message count"
             )
         made.recording = Recording(tracks, step, None)
         made.remarks = _together(made.remarks)
@@ -338,7 +344,8 @@ def _box(each: _TraceObject, name: str, kind: str, remarks: list[str]) -> Boundi
     if rear is None:
         if kind == "vehicle":
             remarks.append(
-                f"{name}: no bbcenter_to_rear, the rear axle is taken {_REAR:g} of the length behind the centre"
+                f"{name}: no bbcenter_to_rear, the rear axle is taken {_REAR:g} of the length "
+                "behind the centre"
             )
         return BoundingBox(
             _REAR * length if kind == "vehicle" else 0.0, 0.0, height / 2, length, width, height

@@ -235,7 +235,8 @@ class CutIn:
     def text(self) -> str:
         """The criterion in words."""
         return (
-            f"no contact, if the TTC is above Δv / (2·{self.deceleration:g} m/s²) + {self.reaction:g} s when the other vehicle "
+            f"no contact, if the TTC is above Δv / (2·{self.deceleration:g} m/s²) + "
+            f"{self.reaction:g} s when the other vehicle "
             f"is {self.depth:g} m inside the lane"
         )
 
@@ -295,7 +296,10 @@ class CutIn:
 
 
 def _told(contact: FirstContact) -> str:
-    return f"contact with {contact.other} at {contact.time:.2f} s, {contact.relative:.1f} km/h relative, ego {contact.own:.1f} km/h"
+    return (
+        f"contact with {contact.other} at {contact.time:.2f} s, {contact.relative:.1f} km/h "
+        f"relative, ego {contact.own:.1f} km/h"
+    )
 
 
 @dataclass(frozen=True)

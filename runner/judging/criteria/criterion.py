@@ -96,7 +96,9 @@ class Drive:
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
-        """The track's columns from `since` on, each of shape (n,); see `runner.recording.COLUMNS`."""
+        """The track's columns from `since` on, each of shape (n,); see
+        `runner.recording.COLUMNS`.
+        """
         if self.recording.network is not None:
             self.track.locate(self.recording.network)
         columns = self.track.columns
@@ -120,7 +122,9 @@ class Drive:
         return self.at(self.track.box.x, self.track.box.y)
 
     def corners(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """World positions (n,) of the box's corners, counter-clockwise from the front left one, m."""
+        """World positions (n,) of the box's corners, counter-clockwise from the
+        front left one, m.
+        """
         box = self.track.box
         half = ((1, 1), (-1, 1), (-1, -1), (1, -1))
         return [self.at(box.x + i * box.length / 2, box.y + j * box.width / 2) for i, j in half]

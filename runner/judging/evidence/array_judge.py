@@ -293,7 +293,8 @@ class ArrayJudge:
                     seen.hasty |= long & run.going
         seen.speed = speed
         on = ego.on_lane & (ego.edge_right <= ego.t) & (ego.t <= ego.edge_left)
-        # The edges of its lane decide most rows; a place beside it may be on another, overlapping road.
+        # The edges of its lane decide most rows; a place beside it may be on
+        # another, overlapping road.
         off = run.going & ~on
         if off.any():
             for row in np.flatnonzero(off & ~seen.doubt):

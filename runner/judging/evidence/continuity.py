@@ -139,7 +139,10 @@ def displaced_boxes(entities: Iterable[Entity]) -> Iterator[str]:
             abs(box.x) - box.length / 2, abs(box.y) - box.width / 2, abs(box.z) - box.height / 2
         )
         if entity.declared.kind != "miscellaneous" and beside > _ASTRAY:
-            yield f"{where}the bounding box of {entity.name} lies {beside:.2f} m beside its reference point"
+            yield (
+                f"{where}the bounding box of {entity.name} lies {beside:.2f} m beside its "
+                "reference point"
+            )
 
 
 def above_road(network: RoadNetwork, x: float, y: float, z: float, h: float) -> float:
@@ -179,7 +182,10 @@ def interrupted(
         for time, text in moments:
             contact = contact_after(own, track, time)
             if contact.after <= APPROACH:
-                told = f"{text} at {time:.2f} s, {contact.after:.2f} s before {ego.name} would touch it"
+                told = (
+                    f"{text} at {time:.2f} s, {contact.after:.2f} s before "
+                    f"{ego.name} would touch it"
+                )
                 reasons.setdefault(track.name, told)
     return reasons
 

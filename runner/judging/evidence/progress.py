@@ -46,7 +46,8 @@ def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
     for reason, (first, *others) in waiting.items():
         more = f" (and {len(others)} more)" if others else ""
         yield (
-            f"{first.kind} {first.name!r}{more} does not start: {reason} was true too early, and did "
+            f"{first.kind} {first.name!r}{more} does not start: {reason} was "
+            "true too early, and did "
             "not rise again: the first check is no edge, conditionEdge='none' needs none"
         )
 
@@ -97,7 +98,10 @@ def endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
     if awaited and all(awaited):
         event = awaited[0]
         assert event is not None
-        yield f"{event.where}: {event.kind} {event.name!r} was still running, for whose end the stop trigger waits"
+        yield (
+            f"{event.where}: {event.kind} {event.name!r} was still running, for whose end the "
+            "stop trigger waits"
+        )
 
 
 def unmet(sim: Simulation) -> Iterator[str]:
@@ -204,7 +208,9 @@ def mishap_awaited(sim: Simulation) -> Iterator[str]:
 
 
 def _awaits_mishap(trigger: Trigger | None, mishaps: Container[Element]) -> bool:
-    """Whether each group of a trigger waits for a mishap, or for what one of these elements does."""
+    """Whether each group of a trigger waits for a mishap, or for what one of
+    these elements does.
+    """
 
     def follows(condition: Condition) -> bool:
         return (

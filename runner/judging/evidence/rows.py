@@ -299,7 +299,8 @@ def _ego(run: Observed) -> Count:
     "yes",
     1,
     "the run outlasts its first step, and an action starts before all stories end it",
-    "the stop trigger was true at time 0 or in the first step, or the stories ended without an action",
+    "the stop trigger was true at time 0 or in the first step, or the stories "
+    "ended without an action",
     early=True,
 )
 def _start(run: Observed) -> Count:
@@ -345,7 +346,8 @@ _ON_MOTION = re.compile(
     "yes",
     1,
     "participants move as their Performance allows",
-    "a participant was faster than its `Performance` allows by 1 %, or the ego changed its speed beyond it for 0.5 s",
+    "a participant was faster than its `Performance` allows by 1 %, or the ego changed its speed "
+    "beyond it for 0.5 s",
     early=True,
 )
 def _performance(run: Observed) -> Count:
@@ -598,14 +600,18 @@ _LARGEST_RESERVE = 1000.0
     "open-end",
     "times",
     1,
-    "9.81 m/s² as a multiple of the deceleration that avoids the next contact of the ego after the end, at the velocities then",
+    "9.81 m/s² as a multiple of the deceleration that avoids the next contact of the ego after "
+    "the end, at the velocities then",
     "it ended so shortly before a contact of the ego that no brake avoids it",
 )
 def _reserve(run: Observed) -> Count | None:
     contact = contact_at_end(run.recording, run.ego, run.sim.time)
     if contact.after == math.inf or run.ego is None:
         return None
-    text = f"the run ended at {run.sim.time:.2f} s, {contact.after:.2f} s before {run.ego.name} would touch"
+    text = (
+        f"the run ended at {run.sim.time:.2f} s, {contact.after:.2f} s before "
+        f"{run.ego.name} would touch"
+    )
     return Count(
         min(contact.reserve, _LARGEST_RESERVE),
         None,

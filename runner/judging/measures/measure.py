@@ -40,14 +40,18 @@ LONGEST_PET = 10.0
 
 
 class Series(NamedTuple):
-    """Values of a quantity over time, and where it is defined; values elsewhere are 0, never NaN."""
+    """Values of a quantity over time, and where it is defined; values elsewhere
+    are 0, never NaN.
+    """
 
     value: FloatArray
     valid: BoolArray
 
 
 class Extreme(NamedTuple):
-    """The extreme of a quantity over a run: its value, the instant (s) and the other participant."""
+    """The extreme of a quantity over a run: its value, the instant (s) and the
+    other participant.
+    """
 
     value: float
     time: float
@@ -152,7 +156,10 @@ class RunMeasure(ABC):
     def sentence(self, found: Mapping[str, Any] | float) -> str:
         """A value of `Criticality.summary` in words, for the reasons of verdicts."""
         if isinstance(found, Mapping):
-            return f"{self.name} is {found['value']:.2f} {self.unit} with {found['other']} at {found['time']:.2f} s"
+            return (
+                f"{self.name} is {found['value']:.2f} {self.unit} with {found['other']} at "
+                f"{found['time']:.2f} s"
+            )
         return f"{self.name} is {found:.2f} {self.unit}"
 
 
@@ -283,17 +290,20 @@ class Limit:
         """
         if text.strip() == "inconclusive":
             raise UsageError(
-                f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see --allow-inconclusive); "
+                f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see "
+                "--allow-inconclusive); "
                 "--junit-inconclusive error makes them errors of the report"
             )
         if text.strip() == NEW_FAILURE:
             raise UsageError(
-                f"{NEW_FAILURE} compares batches, no run fails by it alone: type xosc-run --against BATCH"
+                f"{NEW_FAILURE} compares batches, no run fails by it alone: type xosc-run "
+                "--against BATCH"
             )
         match = _FORM.fullmatch(text)
         if match is None or match[1] not in (UNITS | units() if match[2] else EVENTS):
             raise UsageError(
-                f"--fail-if {text!r}: {_guess(text)}a measure with a limit is expected, such as min_ttc<1 "
+                f"--fail-if {text!r}: {_guess(text)}a measure with a limit is "
+                "expected, such as min_ttc<1 "
                 f"(of {', '.join(UNITS | units())}), "
                 f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
             )

@@ -164,8 +164,8 @@ class ArrayMeasures:
             if ahead.any():
                 gap = np.where(ahead, view.ahead, gap)
                 closing = np.where(ahead, view.speed - view.other_speed, closing)
-        # One lead per instant, the nearest of all participants: measures of others would be those of cars
-        # behind it.
+        # One lead per instant, the nearest of all participants: measures of others would be those
+        # of cars behind it.
         self._take_lead(runs, gap, closing)
         self._take_nearest(runs, steps, distance)
         # Exposure ends at the contact: shares of risk of runs that go on after it would be diluted.
@@ -284,7 +284,8 @@ class _Impacts:
         chosen = runs[columns]
         self._steps[chosen] = steps[rows]
         now = View(*(values[rows, columns] for values in view))
-        # The instant before at which both were on one level; the contact itself where there is none.
+        # The instant before at which both were on one level; the contact
+        # itself where there is none.
         place = np.where(level, np.arange(len(level))[:, None], -1)
         place = np.maximum.accumulate(place, axis=0)[np.maximum(rows - 1, 0), columns]
         inside, known = (place >= 0) & (rows > 0), self._level[number, chosen]

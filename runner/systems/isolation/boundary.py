@@ -52,7 +52,8 @@ from schemas.common.storage import Stamp, stamp
 
 _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle, parent = sys.argv[1:3]; "
-    "sys.argv[:] = sys.argv[3:]; from runner.systems.isolation.child import serve; serve(handle, parent)"
+    "sys.argv[:] = sys.argv[3:]; from runner.systems.isolation.child import serve; "
+    "serve(handle, parent)"
 )
 """Program of the process; its arguments are the path of imports, the socket, this process and the
 name of the system"""
@@ -84,7 +85,8 @@ class _SystemProcess:
     def __init__(self, name: str) -> None:
         if not sys.executable:
             raise UsageError(
-                "this Python can't be started as another process; --sut-in-process runs the class in this one"
+                "this Python can't be started as another process; --sut-in-process runs "
+                "the class in this one"
             )
         own, other = socket.socketpair()
         group: dict[str, Any] = {"process_group": 0, "pass_fds": [other.fileno()]}

@@ -78,7 +78,8 @@ class FrameConnection:
         (length,) = LENGTH.unpack_from(received)
         if length > self._longest:
             raise ToolchainError(
-                f"{self._peer} sends a frame of {length} bytes, at most {self._longest} are expected"
+                f"{self._peer} sends a frame of {length} bytes, at most "
+                f"{self._longest} are expected"
             )
         stop = LENGTH.size + length
         self._fill(stop, end)

@@ -15,8 +15,8 @@ roads) is sent as JSON when it changes. A message begins with a byte that says w
 | `N` | begin its runs: egos and seeds | | |
 | `T` | step: observations of runs | `A` | answers to `T` |
 
-In messages of many runs follow the length of a JSON object with shapes and objects, that object, and
-the numbers of arrays. An array that is as it was in the message before is not sent again.
+In messages of many runs follow the length of a JSON object with shapes and objects, that object,
+and the numbers of arrays. An array that is as it was in the message before is not sent again.
 """
 
 from __future__ import annotations

@@ -267,7 +267,10 @@ class DriverAssistance:
                     threat, worst = target, needed
         self._braking_for = threat.name if threat is not None else ""
         if threat is not None:
-            reason = f"{threat.name} is {threat.gap:.1f} m ahead: {worst:.1f} m/s² needed, emergency braking"
+            reason = (
+                f"{threat.name} is {threat.gap:.1f} m ahead: {worst:.1f} m/s² "
+                "needed, emergency braking"
+            )
             return -self.full, True, reason
         ahead = [target for target in targets if self.is_lead(target)]
         if not ahead:

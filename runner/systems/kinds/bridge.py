@@ -195,7 +195,8 @@ class Bridge:
         if not self._token:
             self._token = secrets.token_urlsafe(24)
             print(
-                f"the bridge at {self.host}:{self.port} waits for a client with {TOKEN}={self._token}",
+                f"the bridge at {self.host}:{self.port} waits for a client with "
+                f"{TOKEN}={self._token}",
                 file=sys.stderr,
                 flush=True,
             )

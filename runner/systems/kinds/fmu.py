@@ -140,7 +140,8 @@ class Fmu:
             )
         if not found.outputs and not any(map(described.has_binary, (UPDATE, REQUEST))):
             raise UsageError(
-                f"nothing says what the ego does: {file} has no [outputs], and there is no {UPDATE} or {REQUEST}",
+                f"nothing says what the ego does: {file} has no [outputs], and there is no "
+                f"{UPDATE} or {REQUEST}",
                 path=path,
             )
         return described, found
@@ -420,7 +421,8 @@ def _variable(name: str, fmu: Description, path: Path, causalities: tuple[str, .
             ]
         )
         raise InvalidFile(
-            f"the FMU has no variable {name!r}; of causality {causalities[0]} there are {there or 'none'}",
+            f"the FMU has no variable {name!r}; of causality {causalities[0]} there are "
+            f"{there or 'none'}",
             path=path,
         )
     if variable.causality not in causalities:

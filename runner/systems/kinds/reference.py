@@ -120,7 +120,10 @@ class ReferenceDriver:
                 else Control()
             )
         nearest = min(dangers, key=lambda found: found.gap)
-        reason = f"{nearest.name} is {nearest.gap:.1f} m ahead, {nearest.closing:.1f} m/s slower, {nearest.aside:.1f} m aside"
+        reason = (
+            f"{nearest.name} is {nearest.gap:.1f} m ahead, {nearest.closing:.1f} m/s slower, "
+            f"{nearest.aside:.1f} m aside"
+        )
         self._alarmed = True
         demand = max(self.demand(found, observation.ego) for found in dangers)
         self._until_braking, self._deceleration = self.react(

@@ -1,1 +1,3 @@
-"""Systems under test that live outside: functional mock-up units, OSI messages, learners' arrays."""
+"""Systems under test that live outside: functional mock-up units, OSI messages,
+learners' arrays.
+"""

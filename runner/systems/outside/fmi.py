@@ -153,7 +153,10 @@ def _unpacked(path: Path, data: bytes, fmpy: Any) -> Path:
     except OSError as error:
         if target.is_dir():  # another process was faster
             return target
-        message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
+        message = (
+            f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR "
+            "to another one"
+        )
         raise UsageError(message, path=target.parent) from None
     except Exception as error:  # a damaged archive, or paths that lead out of it
         raise InvalidFile(
@@ -298,7 +301,8 @@ class Instance:
             self._status = error.status
             status = ("ok", "warning", "discard", "error", "fatal", "pending")
             raise self._failed(
-                f"{error.function} answers {status[error.status] if 0 <= error.status < 6 else error.status}"
+                f"{error.function} answers "
+                f"{status[error.status] if 0 <= error.status < 6 else error.status}"
             ) from None
 
     def _failed(self, what: str) -> ToolchainError:

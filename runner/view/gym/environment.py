@@ -94,7 +94,8 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
             raise UsageError(f"the actions {actions!r} are not one of {', '.join(ACTIONS)}")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UsageError(
-                f"the render mode {render_mode!r} is not one of {', '.join(self.metadata['render_modes'])}"
+                f"the render mode {render_mode!r} is not one of "
+                f"{', '.join(self.metadata['render_modes'])}"
             )
         self.render_mode = render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (ACTIONS[actions],), np.float32)

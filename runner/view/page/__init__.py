@@ -16,7 +16,10 @@ _FOLDER = Path(__file__).parent
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
 """Characters that could end a script element; JSON knows another spelling of each"""
 _COMMENT = re.compile(r"/\*\*.*?\*/", re.DOTALL)
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; "
+    "form-action 'none'"
+)
 
 
 _SERVED = "; connect-src 'self'; frame-src 'self'"
@@ -54,7 +57,8 @@ def page(
 {_joined(styles)}</style>
 </head>
 <body>
-<noscript>This page plays a recorded run and needs JavaScript; it loads nothing from anywhere.</noscript>
+<noscript>This page plays a recorded run and needs JavaScript; it loads nothing from
+anywhere.</noscript>
 <script type="application/json" id="data">{text}</script>
 <script>
 "use strict";

@@ -182,7 +182,8 @@ def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Se
         least = conflict.least(float(conflict.ego.time[began]))
         if least is None:
             yield Sentence(
-                f"By then no braking avoided it any more (more than {GREATEST_DECELERATION:.1f} m/s² was needed)."
+                f"By then no braking avoided it any more (more than {GREATEST_DECELERATION:.1f} "
+                "m/s² was needed)."
             )
         else:
             yield Sentence(f"From then on, {least:.1f} m/s² would have avoided it.")
@@ -346,7 +347,8 @@ def _whole(entry: LogEntry) -> str:
     of notes."""
     level = _level(entry)
     if level == "collision":
-        return f"{entry.subject}{_PAIR}{entry.text.removeprefix('no longer ').removeprefix('touches ')}"
+        other = entry.text.removeprefix("no longer ").removeprefix("touches ")
+        return f"{entry.subject}{_PAIR}{other}"
     return entry.kind if level == "note" else entry.subject
 
 

@@ -128,7 +128,9 @@ def palette() -> Image.Image:
 
 
 class _View:
-    """Draws a run's view at any of some times (s); while the camera stands, the road is drawn once."""
+    """Draws a run's view at any of some times (s); while the camera stands, the
+    road is drawn once.
+    """
 
     def __init__(self, result: RunResult, times: Sequence[float]) -> None:
         self._result = result
@@ -388,7 +390,10 @@ def _font() -> ImageFont.FreeTypeFont:
 
 _GIF, _MP4 = 10, 20
 """Frames a second"""
-_ENCODE = "-c:v libx264 -pix_fmt yuv420p -crf 20 -threads 1 -fflags +bitexact -flags:v +bitexact -map_metadata -1 -movflags +faststart"
+_ENCODE = (
+    "-c:v libx264 -pix_fmt yuv420p -crf 20 -threads 1 -fflags +bitexact -flags:v +bitexact "
+    "-map_metadata -1 -movflags +faststart"
+)
 """Options of ffmpeg for an MP4 that every player reads, with the same bytes each time"""
 
 

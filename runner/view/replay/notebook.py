@@ -142,4 +142,7 @@ def _frame(title: str, page: str, instead: str) -> str:
         )
     style = f"width:100%;height:{_HIGH}px;border:0"
     sandbox = 'sandbox="allow-scripts" allow="fullscreen"'
-    return f'<iframe title="{escape(title)}" {sandbox} style="{style}" srcdoc="{escape(page)}"></iframe>'
+    return (
+        f'<iframe title="{escape(title)}" {sandbox} style="{style}" '
+        f'srcdoc="{escape(page)}"></iframe>'
+    )

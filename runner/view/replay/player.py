@@ -278,7 +278,9 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
 
 
 def _reasons(result: RunResult) -> list[str]:
-    """Reasons for a failed or inconclusive run, without the contact that the account begins with."""
+    """Reasons for a failed or inconclusive run, without the contact that the
+    account begins with.
+    """
     impact = result.criticality.impact if result.criticality is not None else None
     first = f"collision with {impact.other} at {impact.time:.2f} s" if impact is not None else ""
     return [reason for reason in result.verdict.reasons if reason != first]

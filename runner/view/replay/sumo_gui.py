@@ -64,7 +64,8 @@ def need_display() -> None:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise UsageError(
-            "--gui needs a display, and there is none (DISPLAY is not set); --replay makes a page to look at instead"
+            "--gui needs a display, and there is none (DISPLAY is not set); --replay makes a page "
+            "to look at instead"
         )
     _program()
 

@@ -61,25 +61,30 @@ from schemas.common.terminal.text import of_service, one_line
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Runs": (
-        "sut", "ego", "timestep", "seed", "max_time", "world", "end_after_collision", "fail_if", "allow_inconclusive", "dry_run",
+        "sut", "ego", "timestep", "seed", "max_time", "world", "end_after_collision", "fail_if",
+        "allow_inconclusive", "dry_run",
     ),
-    "Parameters": ("param", "only", "sample", "repeat", "enforce_constraints", "free", "pin", "density", "recorded", "kind"),
+    "Parameters": ("param", "only", "sample", "repeat", "enforce_constraints", "free", "pin",
+        "density", "recorded", "kind"),
     "Files and roads": ("strict", "road", "road_path", "catalog_path"),
     "Output": (
-        "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit",
-        "junit_inconclusive", "verbose", "quiet", "help",
+        "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui",
+        "junit", "junit_inconclusive", "verbose", "quiet", "help",
     ),
-    "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
+    "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds",
+        "max_runs"),
 }  # fmt: skip
 """Headings of options by the names of their parameters; all other options stand under `Options`,
 before them."""
 SELDOM = frozenset({
-    "sut_timeout", "sut_in_process", "least", "in_arrays", "timestep", "ego", "max_time", "world", "end_after_collision",
-    "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict", "road", "catalog_path", "osi", "plot", "gui",
-    "junit_inconclusive", "assess", "ray", "road_path", "max_memory", "max_seconds", "max_runs",
-    "weight", "rss", "apart", "violations", "concrete", "minutes", "every", "map", "density", "kind", "recorded",
-    "labels", "model", "shown", "domain", "judge", "most", "plays", "verbose", "_verbose", "_version", "overwrite", "method", "maps",
-    "encoders", "pretrain_on", "reviewed", "verdicts", "develop", "forest_samples", "samples", "by_changes", "per_recording",
+    "sut_timeout", "sut_in_process", "least", "in_arrays", "timestep", "ego", "max_time", "world",
+    "end_after_collision", "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict",
+    "road", "catalog_path", "osi", "plot", "gui", "junit_inconclusive", "assess", "ray",
+    "road_path", "max_memory", "max_seconds", "max_runs", "weight", "rss", "apart", "violations",
+    "concrete", "minutes", "every", "map", "density", "kind", "recorded", "labels", "model",
+    "shown", "domain", "judge", "most", "plays", "verbose", "_verbose", "_version", "overwrite",
+    "method", "maps", "encoders", "pretrain_on", "reviewed", "verdicts", "develop",
+    "forest_samples", "samples", "by_changes", "per_recording",
 })  # fmt: skip
 """Parameters of options that `--help` names in one line, and `--help-all` explains."""
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
@@ -261,8 +266,10 @@ _LIMITS: dict[str, Any] = {
         bool,
         typer.Option(
             "--untrusted",
-            help="Files come from anyone: read nothing but what is named here, load no plug-in, keep to limits "
-            f"({UNTRUSTED.max_memory:g} GiB, {UNTRUSTED.max_seconds:g} s, {UNTRUSTED.max_runs:,} runs).",
+            help="Files come from anyone: read nothing but what is named here, load no plug-in, "
+            "keep to limits "
+            f"({UNTRUSTED.max_memory:g} GiB, {UNTRUSTED.max_seconds:g} s, "
+            f"{UNTRUSTED.max_runs:,} runs).",
         ),
     ],
     "max_memory": Annotated[

@@ -1,4 +1,6 @@
-"""Files that arguments of commands stand for: paths, folders, globs, and names of shipped scenarios."""
+"""Files that arguments of commands stand for: paths, folders, globs, and names
+of shipped scenarios.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ SUFFIXES = (".xosc", ".xodr")
 
 
 def expand(arguments: Iterable[str]) -> list[Path]:
-    """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
+    """The files meant by command line arguments: each once, in the order of the
+    arguments and sorted within each.
 
     A file is taken as it is, whatever its name, and also where it does not exist; a name without an
     ending stands for a scenario (`named`); a folder stands
@@ -35,7 +38,8 @@ def expand(arguments: Iterable[str]) -> list[Path]:
 
 
 def named(path: Path) -> Path:
-    """Return the scenario that a name without folder and ending stands for; any other path as it is.
+    """Return the scenario that a name without folder and ending stands for; any
+    other path as it is.
 
     A file of that name in the working folder comes before a shipped one, with a remark on standard
     error.
@@ -53,12 +57,16 @@ def named(path: Path) -> Path:
         return own
     if name in shipped():
         return _relative(LIBRARY / own)
-    told = f"neither a file nor the name of a shipped scenario; {similar(name, shipped()) or 'xosc list shows all of these'}"
+    told = (
+        "neither a file nor the name of a shipped scenario; "
+        f"{similar(name, shipped()) or 'xosc list shows all of these'}"
+    )
     raise InvalidFile(told, path=path)
 
 
 def named_road(path: Path) -> Path:
-    """Return the shipped road that a name without folder and ending stands for; any other path as it is.
+    """Return the shipped road that a name without folder and ending stands for;
+    any other path as it is.
 
     Raises:
         InvalidFile: there is none, with the most similar name.
@@ -85,7 +93,9 @@ def shipped_roads() -> tuple[str, ...]:
 
 
 def complete_name(incomplete: str) -> list[str]:
-    """Names of shipped scenarios that begin as typed; none where a file of the user's does, which the shell completes."""
+    """Names of shipped scenarios that begin as typed; none where a file of the
+    user's does, which the shell completes.
+    """
     return _unless_file(incomplete, shipped())
 
 

@@ -29,8 +29,14 @@ from schemas.common.errors import UsageError
 if TYPE_CHECKING:
     from typer.models import OptionInfo
 
-ROAD_PATH = "Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH)."
-CATALOG_PATH = "Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH)."
+ROAD_PATH = (
+    "Folder with road networks that are not where the scenario says (repeatable; also "
+    "XOSC_ROAD_PATH)."
+)
+CATALOG_PATH = (
+    "Folder with catalogues that are not where the scenario says (repeatable; also "
+    "XOSC_CATALOG_PATH)."
+)
 """Helps of `--road-path` and `--catalog-path`"""
 _OPTION, _PART = "option", "part"
 _TYPES = {"int": int, "float": float, "bool": bool, "str": str, "Path": Path}
@@ -159,7 +165,9 @@ def option(
     shared: bool = False,
     **how: Any,
 ) -> Any:
-    """A field of a settings dataclass that commands offer as an option; arguments as of `Declared`."""
+    """A field of a settings dataclass that commands offer as an option;
+    arguments as of `Declared`.
+    """
     metadata = {_OPTION: Declared(help, names, parameter, type, section, files, shared, how)}
     return (
         field(default_factory=dict, metadata=metadata)
@@ -238,7 +246,9 @@ class PlainValues:
 
     @staticmethod
     def read(parameters: Iterable[Any]) -> None:
-        """Let parameters read their plain values; others than those of this typer are left alone."""
+        """Let parameters read their plain values; others than those of this
+        typer are left alone.
+        """
         for parameter in parameters:
             if getattr(parameter, "_runtime_param", parameter) is None:
                 parameter._runtime_param = PlainValues(parameter)

@@ -23,10 +23,11 @@ _MARKS = re.compile(r"([\\`*_{}\[\]<>|])")
 
 
 def one_line(text: str) -> str:
-    r"""Text as a line of a terminal or of a CI service's log: no line breaks, no control characters, no workflow command.
+    r"""Text as a line of a terminal or of a CI service's log: no line breaks, no control
+    characters, no workflow command.
 
-    Characters that can't be printed become blanks; what a service would take for a command gets a backslash: `\::error::`,
-    `#\#[error]`.
+    Characters that can't be printed become blanks; what a service would take for a command gets a
+    backslash: `\::error::`, `#\#[error]`.
     """
     line = (
         text

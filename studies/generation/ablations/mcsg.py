@@ -77,7 +77,9 @@ def no_learning(problem: SearchProblem, budget: int, seed: int) -> History:
 
 
 def no_maneuver(problem: SearchProblem, budget: int, seed: int) -> History:
-    """MCSG on the knots of trajectories, which the study gives it in place of manoeuvre parameters."""
+    """MCSG on the knots of trajectories, which the study gives it in place of
+    manoeuvre parameters.
+    """
     return mcsg(problem, budget, seed)
 
 

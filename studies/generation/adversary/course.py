@@ -72,7 +72,8 @@ class Scene:
         others = [each for each in scenario.entities.values() if each is not ego]
         roads = [] if network is None else [*network.roads.values()]
         refusal = Unsupported(
-            "an adversary needs one actor, who begins in a lane beside the ego's on a straight road",
+            "an adversary needs one actor, who begins in a lane beside the "
+            "ego's on a straight road",
             path=path,
         )
         if ego is None or len(others) != 1 or len(roads) != 1 or not roads[0].line.straight:
@@ -91,7 +92,9 @@ class Scene:
 
     @property
     def between(self) -> float:
-        """Distance (m) of the reference points of two that touch bumper to bumper, the actor ahead."""
+        """Distance (m) of the reference points of two that touch bumper to
+        bumper, the actor ahead.
+        """
         a, b = self.ego.box, self.actor.box
         return a.x + a.length / 2 + b.length / 2 - b.x
 

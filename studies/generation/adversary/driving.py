@@ -86,7 +86,8 @@ class Driving:
         count = len(np.unique(actions.episodes))
         if count < _LEAST:
             raise UsageError(
-                f"{count} recorded episodes are too few to say how drivers act, at least {_LEAST} are needed"
+                f"{count} recorded episodes are too few to say how drivers act, at "
+                f"least {_LEAST} are needed"
             )
         self.limits = Limits.of(actions)
         rows = actions.joint
@@ -144,7 +145,9 @@ class Driving:
         return chosen, density
 
     def foreseeable(self, sums: FloatArray, decisions: int) -> BoolArray:
-        """Whether episodes with these sums of log-densities (n,) over so many decisions are (n,)."""
+        """Whether episodes with these sums of log-densities (n,) over so many
+        decisions are (n,).
+        """
         return sums >= self.least[decisions - 1] * decisions - 1e-9
 
 

@@ -152,7 +152,8 @@ class Environment:
                     replayed(self._scene, judge, starts[left], ways[left], self._dt).contact < 0
                 )
         return Episodes(
-            starts, ways, course.contact, likely & driver.inside(), prevented, sums / decisions, course.clearance
+            starts, ways, course.contact, likely & driver.inside(), prevented, sums / decisions,
+            course.clearance
         )  # fmt: skip
 
     def _transitions(

@@ -1,4 +1,6 @@
-"""From a manoeuvre scenario to files of failures that an adversary brings about within the episode."""
+"""From a manoeuvre scenario to files of failures that an adversary brings about
+within the episode.
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,9 @@ class AdversarySettings:
 
 
 class Round(NamedTuple):
-    """Results of a round: numbers of foreseeable episodes, collisions, and failures worth fixing."""
+    """Results of a round: numbers of foreseeable episodes, collisions, and
+    failures worth fixing.
+    """
 
     episodes: int
     foreseeable: int
@@ -79,7 +81,8 @@ class Found:
 
 def search(
     scene: Scene, driving: Driving, starts: Starts, sut: Any, dt: float, seed: int,
-    settings: AdversarySettings = AdversarySettings(), progress: Callable[[int], None] = lambda episodes: None,
+    settings: AdversarySettings = AdversarySettings(),
+    progress: Callable[[int], None] = lambda episodes: None,
 ) -> Found:  # fmt: skip
     """Have an adversary learn, and keep what it finds.
 

@@ -142,5 +142,6 @@ def _tensor(values: FloatArray) -> Tensor:
 
 def _network(inputs: int, outputs: int, hidden: int) -> nn.Sequential:
     return nn.Sequential(
-        nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, outputs)
+        nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(),
+        nn.Linear(hidden, outputs)
     )  # fmt: skip

@@ -1,4 +1,6 @@
-"""CCSF: REINFORCE with an LSTM on criticality, without regard to how plausible the scenarios are."""
+"""CCSF: REINFORCE with an LSTM on criticality, without regard to how plausible
+the scenarios are.
+"""
 
 from __future__ import annotations
 

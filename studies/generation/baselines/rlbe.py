@@ -47,7 +47,9 @@ class PPOSettings:
 
 
 class _Steps(NamedTuple):
-    """Steps of a batch, all flat: states (n, 2d), edits, their log-probabilities, and returns (n,)."""
+    """Steps of a batch, all flat: states (n, 2d), edits, their
+    log-probabilities, and returns (n,).
+    """
 
     states: Tensor
     edits: Tensor
@@ -58,7 +60,9 @@ class _Steps(NamedTuple):
 def rlbe(
     problem: SearchProblem, budget: int, seed: int, settings: PPOSettings = PPOSettings()
 ) -> History:
-    """Gaussian edits of one parameter after the other, rewarded at the end by the problem's reward."""
+    """Gaussian edits of one parameter after the other, rewarded at the end by
+    the problem's reward.
+    """
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     with seeded(seed):
         agent = _ActorCritic(len(problem.space.parameters), settings.spread)

@@ -44,11 +44,13 @@ def command(
             actions.write(out)
         driving, episodes = Driving(actions), len(np.unique(actions.episodes))
         print(
-            f"{len(actions)} decisions in {episodes} episodes of {len(set(actions.recordings))} recordings"
+            f"{len(actions)} decisions in {episodes} episodes of "
+            f"{len(set(actions.recordings))} recordings"
         )
         print(f"log p(action | state), held out: {driving.held_out.mean():.3f} on average")
         print(
-            f"least mean of foreseeable episodes: {driving.least[0]:.2f} at first, {driving.least[DECISIONS - 1]:.2f} at the end"
+            f"least mean of foreseeable episodes: {driving.least[0]:.2f} at first, "
+            f"{driving.least[DECISIONS - 1]:.2f} at the end"
         )
         limits = driving.limits
         for number, name in enumerate(("along", "across")):

@@ -106,7 +106,10 @@ def _report(scenario: Path, written: Written, sut: str) -> Iterator[str]:
     )
     failures = sum(each.failures for each in rounds)
     yield f"{scenario.name}: adversary against {sut}"
-    yield f"  {episodes} episodes in arrays, {foreseeable} of them as likely as recorded driving; {failures} failures"
+    yield (
+        f"  {episodes} episodes in arrays, {foreseeable} of them as likely as recorded driving; "
+        f"{failures} failures"
+    )
     survived = ", ".join(f"{name} {count}" for name, count in written.survived.items())
     confirmed = f"{written.world} confirms {len(written.files)} of {written.tried} to the step"
     yield f"  {written.found} of the failures are distinct; {confirmed}"

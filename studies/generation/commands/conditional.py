@@ -48,6 +48,8 @@ def command(
             rows = np.stack([found.values[name] for name in held], axis=1)
             usable = (rows > 0.0).all(axis=1)
             print(
-                f"{scenario.stem}\n\n{comparison(np.log(rows[usable]), found.recordings[usable]).markdown()}",
+                scenario.stem,
+                comparison(np.log(rows[usable]), found.recordings[usable]).markdown(),
+                sep="\n\n",
                 flush=True,
             )

@@ -50,7 +50,8 @@ def command(
             )
         for seed in range(repeats):
             print(
-                f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, plays, seed)}",
+                f"OpenTURNS, subset simulation, seed {seed}: "
+                f"{subset_simulation(prior, plays, seed)}",
                 flush=True,
             )
         for seed in range(repeats):

@@ -35,7 +35,8 @@ def command(
         bool,
         typer.Option(
             "--without-plays",
-            help="Estimate after a search of as many runs, as where a scenario does not play in arrays.",
+            help="Estimate after a search of as many runs, as where a scenario "
+            "does not play in arrays.",
         ),
     ] = False,
     sut: Sut = DEFAULT_SYSTEM,
@@ -72,5 +73,6 @@ def command(
                 f"seed {seed}: {found}, coefficient of variation {found.variation:.3f}", flush=True
             )
         print(
-            f"{covered} of {repeats} intervals cover it; coefficient of variation {np.mean(variations):.3f} on average"
+            f"{covered} of {repeats} intervals cover it; coefficient of variation "
+            f"{np.mean(variations):.3f} on average"
         )

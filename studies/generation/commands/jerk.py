@@ -35,7 +35,8 @@ def command(
         found = compare(recorded, sut, draws, seed)
         both = int((found.with_it & found.without_it).sum())
         print(
-            f"{draws} draws: {found.with_it.sum()} fail with their jerk, {found.without_it.sum()} without one, {both} both ways"
+            f"{draws} draws: {found.with_it.sum()} fail with their jerk, {found.without_it.sum()} "
+            f"without one, {both} both ways"
         )
         for name, rows in (("all", slice(None)), ("those that fail with it", found.with_it)):
             jerk = found.jerk[rows]

@@ -48,7 +48,8 @@ def command(
         bool,
         typer.Option(
             "--arrays/--no-arrays",
-            help="Play in arrays, kinematically, if the scenario plays so; else each run is SUMO's.",
+            help="Play in arrays, kinematically, if the scenario plays so; "
+            "else each run is SUMO's.",
         ),
     ] = True,
     jobs: Jobs = 2,

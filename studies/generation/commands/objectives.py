@@ -34,7 +34,8 @@ def command(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help=f"{_EVEN}, or what shapes the reward: {', '.join(OBJECTIVES)} (repeatable).  [default: all]",
+            help=f"{_EVEN}, or what shapes the reward: {', '.join(OBJECTIVES)} (repeatable).  "
+            "[default: all]",
         ),
     ] = None,
     _verbose: Verbose = False,
@@ -82,6 +83,7 @@ def command(
                     end="",
                 )
                 print(
-                    f", {distinct} distinct, of which the nearest manoeuvres collide too: {reached}",
+                    f", {distinct} distinct, of which the nearest manoeuvres "
+                    f"collide too: {reached}",
                     flush=True,
                 )

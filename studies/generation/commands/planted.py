@@ -32,7 +32,8 @@ def command(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Only these methods (repeatable), as cover, or cover:explored=0.25,spread=0 with other settings.",
+            help="Only these methods (repeatable), as cover, or cover:explored=0.25,spread=0 with "
+            "other settings.",
         ),
     ] = None,
     budget: Annotated[

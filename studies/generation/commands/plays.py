@@ -49,5 +49,6 @@ def command(
         assert problem.problem.plays is not None
         problem.problem.plays(theta)
         print(
-            f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor time, uniform draws"
+            f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor "
+            "time, uniform draws"
         )

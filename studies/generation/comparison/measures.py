@@ -92,7 +92,9 @@ def avoided(history: History, careful: Evaluate) -> float | None:
 
 
 def curves(history: History, window: int = 150) -> dict[str, FloatArray]:
-    """Means (n,) of R_risk, collisions and rewards over the last `window` episodes at each episode."""
+    """Means (n,) of R_risk, collisions and rewards over the last `window`
+    episodes at each episode.
+    """
     columns = {
         "r_risk": history.outcomes.r_risk,
         "collisions": history.outcomes.collision,

@@ -14,7 +14,10 @@ from studies.generation.comparison.study import Key, Study
 from studies.generation.methods import ABLATIONS, METHODS
 from studies.recognition.report.tables import Table, spread
 
-PUBLISHED = "Published figures of MCSG, on other data and another simulator, for orientation only: R_risk 0.779, CR 0.663."
+PUBLISHED = (
+    "Published figures of MCSG, on other data and another simulator, for orientation only: R_risk "
+    "0.779, CR 0.663."
+)
 FIGURES = {
     "r_risk": "R_risk",
     "collisions": "CR",
@@ -30,10 +33,14 @@ Results = dict[str, dict[int, Measures]]
 """Measures by method and seed."""
 
 _LAST_NOTE = (
-    "Mean ± standard deviation over seeds, of the last third of each search: what it generates once it has learnt. "
-    "Log-likelihood: of recorded parameters, natural, mean over episodes. Plausible: no less likely than 99 % of the recorded "
-    "manoeuvres. Distinct ones: plausible collisions no nearer to each other than 5 % of the ranges. † keeps to the plausible "
-    "by its reward or its source. Avoidable: share of the collisions that the careful and competent driver of UN R157 avoids."
+    "Mean ± standard deviation over seeds, of the last third of each search: what it generates "
+    "once it has learnt. "
+    "Log-likelihood: of recorded parameters, natural, mean over episodes. Plausible: no less "
+    "likely than 99 % of the recorded "
+    "manoeuvres. Distinct ones: plausible collisions no nearer to each other than 5 % of the "
+    "ranges. † keeps to the plausible "
+    "by its reward or its source. Avoidable: share of the collisions that the careful and "
+    "competent driver of UN R157 avoids."
 )
 _ALL_NOTE = "The same over all simulator calls of each search."
 
@@ -101,8 +108,8 @@ def _cell(values: list[float]) -> str:
 
 
 def write_report(study: Study, likelihoods: bool = True) -> list[Table]:
-    """Write `report.md`, a CSV for each table and for the points of pictures, and `results.csv` with
-    every single figure; the tables.
+    """Write `report.md`, a CSV for each table and for the points of pictures, and `results.csv`
+    with every single figure; the tables.
 
     Args:
         likelihoods: whether the table of held-out likelihoods is among them; to fit the flow takes
@@ -143,9 +150,12 @@ def _introduction(study: Study, last: Results) -> str:
     pinned = ", ".join(f"{name} {value}" for name, value in study.space.pinned.items())
     limits = f"{realism.limit:.2f} to {realism.limit + realism.scale:.2f}"
     about = (
-        f"Scenario `{study.scenario.name}`, system under test `{settings.sut}`, {settings.budget} simulator calls a search, "
-        f"{len(seeds)} seeds, RSS set `{settings.rss}`, time step {settings.timestep} s. Pinned: {pinned or 'nothing'}. "
-        f"Searched: {', '.join(study.space.names)}. Density `{settings.density}` of {len(recorded.theta)} manoeuvres from "
+        f"Scenario `{study.scenario.name}`, system under test `{settings.sut}`, {settings.budget} "
+        "simulator calls a search, "
+        f"{len(seeds)} seeds, RSS set `{settings.rss}`, time step {settings.timestep} s. Pinned: "
+        f"{pinned or 'nothing'}. "
+        f"Searched: {', '.join(study.space.names)}. Density `{settings.density}` of "
+        f"{len(recorded.theta)} manoeuvres from "
         f"{len(np.unique(recorded.recordings))} recordings; realism weight {settings.weight}, "
         f"from a negative log-likelihood of {limits}."
     )
@@ -153,7 +163,9 @@ def _introduction(study: Study, last: Results) -> str:
 
 
 def _verdict(found: Results) -> str:
-    """Return the measures in which MCSG leads or not, among all methods that are no ablation of it."""
+    """Return the measures in which MCSG leads or not, among all methods that are
+    no ablation of it.
+    """
     means = {
         name: {figure: fmean(getattr(one, figure) for one in seeds.values()) for figure in FIGURES}
         for name, seeds in found.items()
@@ -169,7 +181,9 @@ def _verdict(found: Results) -> str:
             f"{METHODS[name].title.strip('*')} {means[name][figure]:.3g}" for name in ranked[:3]
         ]
         lines.append(
-            f"- {FIGURES[figure]}: MCSG is number {realistic.index('mcsg') + 1} of the {len(realistic)} methods that keep to the "
-            f"plausible (†), number {ranked.index('mcsg') + 1} of all {len(ranked)} ({', '.join(best)})"
+            f"- {FIGURES[figure]}: MCSG is number {realistic.index('mcsg') + 1} of the "
+            f"{len(realistic)} methods that keep to the "
+            f"plausible (†), number {ranked.index('mcsg') + 1} of all {len(ranked)} "
+            f"({', '.join(best)})"
         )
     return "\n".join(lines)

@@ -280,7 +280,9 @@ class Study:
 
 
 def _groups(keys: Sequence[Key]) -> list[list[Key]]:
-    """Keys that are searched side by side: whole seeds, so that those that are done are complete."""
+    """Keys that are searched side by side: whole seeds, so that those that are
+    done are complete.
+    """
     seeds: dict[int, list[Key]] = {}
     for key in keys:
         seeds.setdefault(key.seed, []).append(key)

@@ -19,11 +19,16 @@ _NEAR = 0.99
 """Share of the recorded manoeuvres whose knots are as near to a manoeuvre as a trajectory must be
 to count as one"""
 _NOTE = (
-    "The last third of each search, by both kinds of parameters: knots by those of the trajectory, seven by those of the "
-    "manoeuvre that comes nearest to it. Each kind has a density of its own, of the same recorded manoeuvres, and its own limit "
-    "of what is plausible: no less likely than 99 % of them. Log-likelihoods of the two are in different units: compare them "
-    "within a column. Near a manoeuvre: share of the episodes that are as near to one, across and along the lane, as 99 % of the "
-    "recorded manoeuvres are after their description by knots; the others are none, whatever the seven parameters say of them."
+    "The last third of each search, by both kinds of parameters: knots by those of the "
+    "trajectory, seven by those of the "
+    "manoeuvre that comes nearest to it. Each kind has a density of its own, of the same recorded "
+    "manoeuvres, and its own limit "
+    "of what is plausible: no less likely than 99 % of them. Log-likelihoods of the two are in "
+    "different units: compare them "
+    "within a column. Near a manoeuvre: share of the episodes that are as near to one, across and "
+    "along the lane, as 99 % of the "
+    "recorded manoeuvres are after their description by knots; the others are none, whatever the "
+    "seven parameters say of them."
 )
 _HEADER = (
     "", "log-likelihood, knots", "plausible, knots", "plausible collisions, knots",

@@ -80,7 +80,8 @@ def _document(path: Path, space: Space, setting: Setting) -> Document:
     return maneuvers.scenario(
         path,
         FileHeader(
-            "A vehicle cuts in from the left in front of the ego along a trajectory, on a straight motorway",
+            "A vehicle cuts in from the left in front of the ego along a trajectory, on a "
+            "straight motorway",
             AUTHOR,
             _DATE,
         ),

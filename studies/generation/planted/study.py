@@ -309,8 +309,10 @@ class Benchmark(NamedTuple):
             for mark in self.marks:
                 part = History(*history.first(int((spent <= mark).sum())))
                 yield {
-                    "plan": str(plan), "method": name, "seed": seed, "runs": mark, "seconds": seconds,
-                    "found": judged(each, self.problem, self.pool, part), "stated": stated(each, self.problem, self.pool, part),
+                    "plan": str(plan), "method": name, "seed": seed, "runs": mark,
+                    "seconds": seconds,
+                    "found": judged(each, self.problem, self.pool, part),
+                    "stated": stated(each, self.problem, self.pool, part),
                 }  # fmt: skip
 
     def _work(
@@ -359,7 +361,8 @@ def table(found: Sequence[Result]) -> str:
     recall on the same systems.
     """
     lines = [
-        "| planted | runs | method | systems | regions found | recall 5 % | recall 10 % | lead of `cover` | first failure "
+        "| planted | runs | method | systems | regions found | recall 5 % | recall 10 % | lead of "
+        "`cover` | first failure "
         "| nothing found | not foreseeable | of the base | processor s |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
@@ -395,7 +398,8 @@ def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
             [(each.found.strange, each.found.own, each.seconds) for each in of], axis=0
         )
         yield (
-            f"| {plan} | {of[0].runs} | {name} | {len(of)} | {_mean(regions, '.2f')} | {near.mean():.2f} | {_mean(far, '.2f')} "
+            f"| {plan} | {of[0].runs} | {name} | {len(of)} | {_mean(regions, '.2f')} | "
+            f"{near.mean():.2f} | {_mean(far, '.2f')} "
             f"| {lead} | {first:.0f} | {nothing} | {strange:.2f} | {own:.2f} | {seconds:.1f} |"
         )
 
@@ -404,7 +408,10 @@ def statements(found: Sequence[Result]) -> str:
     """Share of wrong statements on failures that were not found, for each number of runs of
     `cover`."""
     lines = [
-        "| runs | true probability of what was missed, mean | stated bound, mean | statements below the truth |",
+        (
+            "| runs | true probability of what was missed, mean | stated bound, mean | statements "
+            "below the truth |"
+        ),
         "|---|---|---|---|",
     ]
     for mark in sorted({each.runs for each in found}):

@@ -127,7 +127,10 @@ class Plan:
             else ""
         )
         base = "" if self.base == PERFECT else f", {self.base}"
-        return f"{len(self.sizes)} {several}{unlike}, {self.shape}, {self.probability:g}, {self.margin}{base}"
+        return (
+            f"{len(self.sizes)} {several}{unlike}, {self.shape}, {self.probability:g}, "
+            f"{self.margin}{base}"
+        )
 
 
 @dataclass(frozen=True, eq=False)

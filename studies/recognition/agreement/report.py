@@ -73,11 +73,14 @@ def _lane_changes(places: Sequence[Place]) -> str:
             else "–"
         )
         numbers = (
-            share(lambda one: one.steps[0] > one.steps[1]), share(lambda one: one.steps[1] > one.steps[0]),
+            share(lambda one: one.steps[0] > one.steps[1]),
+            share(lambda one: one.steps[1] > one.steps[0]),
             share(lambda one: one.changes[0] > 0), share(lambda one: one.changes[1] > 0),
-            share(lambda one: Label.LANE_CHANGE_LEFT in one.labels), share(lambda one: Label.LANE_CHANGE_RIGHT in one.labels),
+            share(lambda one: Label.LANE_CHANGE_LEFT in one.labels),
+            share(lambda one: Label.LANE_CHANGE_RIGHT in one.labels),
             share(lambda one: one.ramps[0]), share(lambda one: one.ramps[1]),
-            share(lambda one: Label.RAMP_ENTERING in one.labels), share(lambda one: Label.RAMP_EXITING in one.labels),
+            share(lambda one: Label.RAMP_ENTERING in one.labels),
+            share(lambda one: Label.RAMP_EXITING in one.labels),
         )  # fmt: skip
         rows.append((place.name, len(groups), own, *numbers))
     header = [

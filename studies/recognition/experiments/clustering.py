@@ -1,4 +1,6 @@
-"""Clustering of new classes in one round: every method on the same samples, nothing screened and nothing dropped."""
+"""Clustering of new classes in one round: every method on the same samples,
+nothing screened and nothing dropped.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,8 @@ TITLES = {
 
 
 def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
-    """Cluster the new classes of a trial; the fields of `metrics.Clustering` and the number of samples.
+    """Cluster the new classes of a trial; the fields of `metrics.Clustering` and
+    the number of samples.
 
     The samples are the first ones of new classes in the stream, as if screening had missed and
     mistaken none.

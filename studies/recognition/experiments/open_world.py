@@ -1,4 +1,6 @@
-"""The open world: known and new classes stream by; TRFE and its variants recognise, set aside, discover and expand."""
+"""The open world: known and new classes stream by; TRFE and its variants
+recognise, set aside, discover and expand.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,8 @@ def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
 
 
 def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
-    """All rounds of a seed on the model's own discoveries: only the classes known at first ever have true labels.
+    """All rounds of a seed on the model's own discoveries: only the classes
+    known at first ever have true labels.
 
     The encoder is that of the first round throughout, and what remains in the buffer waits for the
     next round.
@@ -52,7 +55,9 @@ def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict
 
 
 def seen_by(variant: Variant, trial: Trial) -> Trial:
-    """The trial as the model of a variant takes it: numbers of windows where the encoder learns on."""
+    """The trial as the model of a variant takes it: numbers of windows where the
+    encoder learns on.
+    """
     return trial.numbered if variant.learns else trial
 
 
@@ -70,7 +75,8 @@ def begin(variant: Variant, trial: Trial) -> TRFE:
 
 
 def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
-    """Let the stream of a trial pass by a model; say how well its new classes were found, and how well it recognises after it.
+    """Let the stream of a trial pass by a model; say how well its new classes were found, and how
+    well it recognises after it.
 
     Args:
         names: true class of each class discovered so far; those matched in this round are added.
@@ -105,7 +111,8 @@ def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
 
 
 def walk(model: TRFE, stream: Samples) -> IntArray:
-    """Let a stream pass by a model, which discovers when its buffer is full, at most every half capacity, and at the end.
+    """Let a stream pass by a model, which discovers when its buffer is full, at most every half
+    capacity, and at the end.
 
     Returns:
         Label (n,) that each sample got: a known class, a discovered one by promotion or later

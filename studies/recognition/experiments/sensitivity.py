@@ -21,7 +21,9 @@ TREES = (25, 50, 100, 150, 200, 250, 400)
 
 
 def measure_delta(trial: Trial) -> dict[str, Any]:
-    """Open-set figures of TRFE's screening for each of `DELTAS`: `points`, each with its `value`."""
+    """Open-set figures of TRFE's screening for each of `DELTAS`: `points`, each
+    with its `value`.
+    """
     found, truth = trial.model.recognise(trial.test.features), trial.truth
     labels = [np.where(found.score > 1.0 - delta, UNKNOWN, found.closed) for delta in DELTAS]
     return {

@@ -1,4 +1,6 @@
-"""`python -m studies.recognition protocol`: the protocol as one command that goes on where it was interrupted."""
+"""`python -m studies.recognition protocol`: the protocol as one command that
+goes on where it was interrupted.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ def protocol(
     preset: Annotated[
         str,
         typer.Option(
-            help="Encoder: tokens, or of grids cpu, cpu-cells (no convolutions), cpu-rows (grids flattened row by row besides), "
+            help="Encoder: tokens, or of grids cpu, cpu-cells (no convolutions), cpu-rows (grids "
+            "flattened row by row besides), "
             "full, full-rows (both), or pca (principal components of the grids instead)."
         ),
     ] = "cpu",

@@ -1,4 +1,6 @@
-"""All experiments of an evaluation, one result after the other; what is there already is not made again."""
+"""All experiments of an evaluation, one result after the other; what is there
+already is not made again.
+"""
 
 from __future__ import annotations
 
@@ -152,7 +154,9 @@ class Evaluation:
             yield key
 
     def _measure(self, key: Key, trial: Trial) -> list[tuple[Key, dict[str, Any]]]:
-        """Results of an experiment. They differ in what they take, and the report has a table for each: no kinds by module."""
+        """Results of an experiment. They differ in what they take, and the report has a table for
+        each: no kinds by module.
+        """
         match key.kind:
             case "open-set":
                 values = open_set.measure_open_set(key.method, trial)

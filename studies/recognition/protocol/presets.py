@@ -1,4 +1,6 @@
-"""Presets of the encoder that experiments compare: those of the product, and ablations of the smaller one."""
+"""Presets of the encoder that experiments compare: those of the product, and
+ablations of the smaller one.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RowTokens(Architecture):
-    """As published: each frame is flattened row by row and cut into as many runs as it would have patches."""
+    """As published: each frame is flattened row by row and cut into as many runs
+    as it would have patches.
+    """
 
     def cut(self, cells: Tensor, rows: int, columns: int) -> Tensor:
-        """The cells of each token: runs of the flattened frame, of shape (n, times, rows · columns, ...)."""
+        """The cells of each token: runs of the flattened frame, of shape (n,
+        times, rows · columns, ...).
+        """
         return cells.flatten(4).unflatten(4, (rows * columns, -1)).permute(0, 1, 4, 2, 3, 5)
 
 
@@ -34,5 +40,5 @@ PRESETS: dict[str, Preset] = {
     "cpu-cells": _CPU._replace(architecture=_CELLS),
     "cpu-rows": _CPU._replace(architecture=RowTokens(**asdict(_CELLS))),
 }
-"""`cpu-cells` has no convolutions; `cpu-rows` has tokens of the grids flattened row by row besides, as published, and
-`full-rows` has them in the size of the publication."""
+"""`cpu-cells` has no convolutions; `cpu-rows` has tokens of the grids flattened row by row besides,
+as published, and `full-rows` has them in the size of the publication."""

@@ -54,18 +54,23 @@ def run_beside(
                 yield sum(map(store.has, pending))
         except BrokenProcessPool:
             raise UsageError(
-                "a process of the evaluation died, perhaps because memory ran out; go on with fewer --jobs"
+                "a process of the evaluation died, perhaps because memory ran out; go on with "
+                "fewer --jobs"
             ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
 _ALONE = ("chain", "open-world")
-"""Kinds whose methods share little: a chain is one of all rounds, and in an open world each has models of its own"""
+"""Kinds whose methods share little: a chain is one of all rounds, and in an open
+world each has models of its own
+"""
 
 
 def _parts(pending: Sequence[Key], seed: int | None) -> list[list[Key]]:
-    """Results of a seed, in parts: the longest first, and an open world when δ, which all its methods share, is chosen."""
+    """Results of a seed, in parts: the longest first, and an open world when δ, which all its
+    methods share, is chosen.
+    """
     found: dict[Key, list[Key]] = {}
     for key in pending:
         if key.seed == seed:

@@ -34,7 +34,8 @@ def rounds(classes: Sequence[int]) -> list[Round]:
     ordered = sorted(classes)
     if len(ordered) <= FIRST:
         raise UsageError(
-            f"the protocol needs {FIRST} known classes and a new one, there are {len(ordered)} in every split"
+            f"the protocol needs {FIRST} known classes and a new one, there are "
+            f"{len(ordered)} in every split"
         )
     starts = range(FIRST, len(ordered), STEP)
     return [

@@ -1,4 +1,6 @@
-"""Inputs of the methods in one round: frozen features of one encoder for each seed and round, kept on disk."""
+"""Inputs of the methods in one round: frozen features of one encoder for each
+seed and round, kept on disk.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,8 @@ if TYPE_CHECKING:
 _PRETRAINING, _FINETUNING = 100, 100
 """Fewest steps of each training of the encoder."""
 MOST_FITTED = 400
-"""Training samples of each class that methods are fitted on, as forests of more take hours at paper scale; the encoder learns
-from all."""
+"""Training samples of each class that methods are fitted on, as forests of more take hours at paper
+scale; the encoder learns from all."""
 
 
 class Samples(NamedTuple):
@@ -77,12 +79,16 @@ class Trial:
 
     @cached_property
     def pretrained_on_all(self) -> Trial:
-        """The same by encoders whose pretraining saw windows of all classes, also those that are unknown."""
+        """The same by encoders whose pretraining saw windows of all classes,
+        also those that are unknown.
+        """
         return replace(self.trials, on_all=True).trial(self.split, self.round, self.seed)
 
     @cached_property
     def beside_inputs(self) -> Trial:
-        """The same with the inputs of windows, flattened, in place of features of the fine-tuned encoder."""
+        """The same with the inputs of windows, flattened, in place of features
+        of the fine-tuned encoder.
+        """
         kept = self.features[:, : self.changes + self.tuned]
         inputs = self.windows.inputs
         features = np.zeros((len(kept), kept.shape[1] + inputs[0].size), dtype=np.float32)
@@ -102,13 +108,17 @@ class Trial:
 
     @cached_property
     def numbered(self) -> Trial:
-        """The same with the numbers of windows (n, 1) in place of features, for methods that change what they read of them."""
+        """The same with the numbers of windows (n, 1) in place of features, for
+        methods that change what they read of them.
+        """
         return replace(self, features=np.arange(len(self.windows), dtype=np.float32)[:, None])
 
     def tuned_again(
         self, encoder: Encoder, rows: IntArray, labels: IntArray
     ) -> tuple[Encoder, Features]:
-        """The encoder fine-tuned to windows with these numbers (n,) and labels (n,), and features (all windows, dim) by it."""
+        """The encoder fine-tuned to windows with these numbers (n,) and labels (n,), and features
+        (all windows, dim) by it.
+        """
         return self.trials.tuned_again(self.split, encoder, rows, labels, self.seed)
 
     @cached_property
@@ -146,12 +156,16 @@ class Trial:
 
     @cached_property
     def map_only(self) -> Trial:
-        """The same with what the map alone tells in place of features, see `studies.recognition.plain.static`."""
+        """The same with what the map alone tells in place of features, see
+        `studies.recognition.plain.static`.
+        """
         return replace(self, features=static(self.windows.inputs), tuned=0, changes=0)
 
     @cached_property
     def labelled(self) -> Samples:
-        """Training samples of the known classes, of each at most as many as methods are fitted on."""
+        """Training samples of the known classes, of each at most as many as
+        methods are fitted on.
+        """
         rows = self._rows(self.split.labelled, self.round.known)
         drawn = drawn_of_each(
             self.windows.labels[rows], MOST_FITTED, np.random.default_rng(self.seed)
@@ -170,13 +184,15 @@ class Trial:
 
     @cached_property
     def truth(self) -> IntArray:
-        """Labels of the test samples for a method that knows the known classes: 0 for the new ones."""
+        """Labels of the test samples for a method that knows the known classes:
+        0 for the new ones.
+        """
         return np.where(np.isin(self.test.labels, self.round.known), self.test.labels, UNKNOWN)
 
     @cached_property
     def stream(self) -> Samples:
-        """Samples that arrive without labels in the round: all training samples of the new classes, and held-back known ones;
-        mixed."""
+        """Samples that arrive without labels in the round: all training samples of the new classes,
+        and held-back known ones; mixed."""
         new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
         rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
         return self._samples(
@@ -185,7 +201,9 @@ class Trial:
 
     @cached_property
     def appearing(self) -> Samples:
-        """The first samples of new classes in the stream, as many as TRFE's buffer holds: as if screening made no mistake."""
+        """The first samples of new classes in the stream, as many as TRFE's buffer holds: as if
+        screening made no mistake.
+        """
         return self.stream.only(np.isin(self.stream.labels, self.round.new)).only(
             slice(Preprocessing().capacity)
         )
@@ -236,7 +254,9 @@ class Trial:
 
     @cached_property
     def plain_forest(self) -> VotingForest:
-        """A forest fitted on the known classes, whose trees see features alone: the baselines that vote share it."""
+        """A forest fitted on the known classes, whose trees see features alone:
+        the baselines that vote share it.
+        """
         return grow_plain(*self.labelled[:2], trees=TREES, seed=self.seed)
 
     def _rows(self, rows: IntArray, classes: tuple[int, ...]) -> IntArray:
@@ -295,7 +315,9 @@ class Trials:
         )
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
-        """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
+        """Features of windows by the encoder of a round, or by principal
+        components, which are the same in all rounds.
+        """
         path = self.folder(seed) / f"encoded{round_.number}.npy"
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -371,12 +393,16 @@ class Trials:
 
 
 def _before_all(round_: Round) -> Round:
-    """Before the first round the encoder is only pretrained, on the classes that are known then: it has seen no unknown ones."""
+    """Before the first round the encoder is only pretrained, on the classes that are known then: it
+    has seen no unknown ones.
+    """
     return Round(0, round_.known[:FIRST], ())
 
 
 def long_enough(schedule: TrainingSchedule, windows: int, steps: int) -> TrainingSchedule:
-    """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
+    """The schedule with so many epochs that few windows make as many steps too;
+    presets are made for the paper's scale.
+    """
     return schedule._replace(
         epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows))
     )

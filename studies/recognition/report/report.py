@@ -1,4 +1,6 @@
-"""The report of an evaluation: which tables there are, what they are called and what has to be said beside them."""
+"""The report of an evaluation: which tables there are, what they are called and
+what has to be said beside them.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ TITLES = {
 }
 """Titles of rows, by kind of experiment and name."""
 PUBLISHED = (
-    "Published figures, on highD and INTERACTION, for orientation only: TRFE F1 0.906, ACC 0.972, ACC_cluster 0.964; MDENet F1 "
+    "Published figures, on highD and INTERACTION, for orientation only: TRFE F1 0.906, ACC 0.972, "
+    "ACC_cluster 0.964; MDENet F1 "
     "0.883; CEVT F1 0.875; AutoNovel ACC_cluster 0.902. Here: same protocol, other data."
 )
 _OPEN_SET = {
@@ -94,25 +97,35 @@ def tables(evaluation: Evaluation) -> list[Table]:
 
 
 _OPEN_SET_NOTE = (
-    "Means over the rounds, then mean ± standard deviation over seeds. Known: the classes before the round, learnt with true "
-    "labels; unknown: the round's new ones. All methods work on the same frozen features and give up 5 % of the known "
-    "validation windows; one row has TRFE with the δ that it chooses by leaving one known class out. p: paired t-test over seeds "
+    "Means over the rounds, then mean ± standard deviation over seeds. Known: the classes before "
+    "the round, learnt with true "
+    "labels; unknown: the round's new ones. All methods work on the same frozen features and give "
+    "up 5 % of the known "
+    "validation windows; one row has TRFE with the δ that it chooses by leaving one known class "
+    "out. p: paired t-test over seeds "
     "against TRFE."
 )
 _CLUSTERING_NOTE = (
-    "Hungarian accuracy on up to 500 windows of the round's new classes, the same for all, none dropped. Unmatched: windows in "
-    "clusters for which no class was left; they count as wrong. Rows that say so are given the true number of classes, as is "
-    "random; rows with the K of held-out classes the number that suits known classes best whose labels are held back; the others "
+    "Hungarian accuracy on up to 500 windows of the round's new classes, the same for all, none "
+    "dropped. Unmatched: windows in "
+    "clusters for which no class was left; they count as wrong. Rows that say so are given the "
+    "true number of classes, as is "
+    "random; rows with the K of held-out classes the number that suits known classes best whose "
+    "labels are held back; the others "
     "find theirs. p: paired t-test over seeds against TRFE."
 )
 _OPEN_WORLD_NOTE = (
-    "One round at a time, from true labels of the known classes: a stream of known and new windows is screened, buffered, "
-    "sifted, clustered and promoted. ACC_cluster is over windows in promoted clusters, known ones among them counting as "
-    "wrong; `of all new` counts dropped windows as wrong too. Macro-F1 after: test windows of all classes so far, discovered "
+    "One round at a time, from true labels of the known classes: a stream of known and new "
+    "windows is screened, buffered, "
+    "sifted, clustered and promoted. ACC_cluster is over windows in promoted clusters, known ones "
+    "among them counting as "
+    "wrong; `of all new` counts dropped windows as wrong too. Macro-F1 after: test windows of all "
+    "classes so far, discovered "
     "classes under the name of the class they are matched with."
 )
 _CHAIN_NOTE = (
-    "The same through all rounds on the model's own discoveries: only the two first classes ever have true labels, and the "
+    "The same through all rounds on the model's own discoveries: only the two first classes ever "
+    "have true labels, and the "
     "encoder stays that of the first round."
 )
 
@@ -230,21 +243,28 @@ def _probe(evaluation: Evaluation) -> Table:
         if figure in measured
     }
     header = next(iter(tables.values()), (("",), []))[0]
-    note = "Mean accuracy over known and new classes of a logistic regression on frozen features, with labels of all of them."
+    note = (
+        "Mean accuracy over known and new classes of a logistic regression on frozen features, "
+        "with labels of all of them."
+    )
     return Table(
         "probe", "Linear probe", note, header, [row for _, rows in tables.values() for row in rows]
     )
 
 
 def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
-    """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
+    """Write `report.md`, a CSV for each table, and `results.csv` with every
+    single figure; the tables.
+    """
     found = tables(evaluation)
     seeds = _seeds(evaluation)
     settings = evaluation.settings
     intro = (
-        f"Incremental open-world protocol over {len(evaluation.rounds(min(seeds, default=0)))} rounds, seeds "
+        f"Incremental open-world protocol over {len(evaluation.rounds(min(seeds, default=0)))} "
+        "rounds, seeds "
         f"{', '.join(map(str, seeds))}, encoder preset "
-        f"`{settings.preset}`, at most {settings.events_per_class or 'all'} events of each class.\n\n{PUBLISHED}"
+        f"`{settings.preset}`, at most {settings.events_per_class or 'all'} events of each "
+        f"class.\n\n{PUBLISHED}"
     )
     text = "\n".join(
         [f"# Results of recognition\n\n{intro}\n", *(table.markdown() for table in found)]

@@ -51,7 +51,9 @@ def results_of(store: Store, kind: str, order: Sequence[str]) -> Results:
 
 
 def spread(values: Iterable[float], digits: int = 3) -> str:
-    """`mean ± standard deviation` (of the sample); the mean alone for one value, a dash for none."""
+    """`mean ± standard deviation` (of the sample); the mean alone for one value,
+    a dash for none.
+    """
     numbers = list(values)
     if not numbers:
         return "–"

@@ -13,7 +13,9 @@ PLAIN_VOTES = False
 
 
 class EvtPooled(EvtScreening):
-    """score = 1 − s, with d = T − max_k v_k + U(0, 1) and one distribution for all known classes."""
+    """score = 1 − s, with d = T − max_k v_k + U(0, 1) and one distribution for
+    all known classes.
+    """
 
     def _lacking(
         self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float

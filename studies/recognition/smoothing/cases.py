@@ -48,7 +48,9 @@ class Tracks(NamedTuple):
 
 
 class States(NamedTuple):
-    """Places of the box's centre (m), heading (rad), speed and acceleration along it, of each row."""
+    """Places of the box's centre (m), heading (rad), speed and acceleration
+    along it, of each row.
+    """
 
     x: FloatArray
     y: FloatArray
@@ -108,7 +110,9 @@ def exact(seed: int, most: int, rng: np.random.Generator) -> Iterator[Tracks]:
 
 
 def hidden(tracks: Tracks, rng: np.random.Generator) -> Case:
-    """Tracks of which stretches are hidden, to be found again from what is before and after them."""
+    """Tracks of which stretches are hidden, to be found again from what is
+    before and after them.
+    """
     rows, who, columns = tracks
     x, y = centres(rows, who, columns)
     astray = breaks(rows, x, y).astray

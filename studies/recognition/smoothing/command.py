@@ -114,7 +114,10 @@ def _table(rows: Sequence[tuple[str, dict[str, float], Judged]]) -> Iterator[str
     for way, settings, found in rows:
         told = ", ".join(f"{name} {value:g}" for name, value in settings.items()) or "–"
         cells = [
-            f"{one.place:.3f}, {one.heading:.3f}, {one.speed:.2f}, {one.likelihood:.2f}, {one.beyond:.2%}"
+            (
+                f"{one.place:.3f}, {one.heading:.3f}, {one.speed:.2f}, {one.likelihood:.2f}, "
+                f"{one.beyond:.2%}"
+            )
             for one in found.recordings.values()
         ]
         own = found.exact
@@ -136,7 +139,10 @@ def _about(trials: Sequence[Trial], hand: Trial) -> Iterator[str]:
                 )
                 and trial is not hand
             ):
-                yield f"| {name} {trial.settings[name]:g} | {' | '.join(_compared(trial.judged, hand.judged))} |"
+                yield (
+                    f"| {name} {trial.settings[name]:g} | "
+                    f"{' | '.join(_compared(trial.judged, hand.judged))} |"
+                )
 
 
 _COMPARED = ("hidden likelihood", "hidden place", "exact")

@@ -79,7 +79,9 @@ def _seen(case: Case, noise: Noise) -> Observations:
 
 
 def _of_coordinates(case: Case, smooth: _Smooth) -> States:
-    """Each coordinate of each track on its own; speeds and accelerations along recorded headings."""
+    """Each coordinate of each track on its own; speeds and accelerations along
+    recorded headings.
+    """
     rows, who, columns = case.tracks
     places = centres(rows, who, columns)
     found = np.empty((2, 3, len(rows)))

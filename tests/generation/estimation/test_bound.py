@@ -80,7 +80,8 @@ def test_failures_that_single_runs_do_not_confirm_are_counted_as_defects_of_arra
 
 def test_an_end_of_time_says_how_far_the_bound_came() -> None:
     made = draws_until(
-        1e-6, SPACE, Uniform(), NEVER, NEVER, SPACE.draw(1, np.random.default_rng(0))[:0], 0,  # type: ignore[arg-type]
+        1e-6, SPACE, Uniform(), NEVER, NEVER, SPACE.draw(1, np.random.default_rng(0))[:0], 0,
+         # type: ignore[arg-type]
         iter([False, True]).__next__,
     )  # fmt: skip
     assert not made.holds and made.statement.draws == 32_768
@@ -101,7 +102,8 @@ def test_draws_are_counted_while_they_are_made() -> None:
     counted: list[int] = []
     none = SPACE.draw(1, np.random.default_rng(0))[:0]
     made = draws_until(
-        1e-5, SPACE, Uniform(), NEVER, NEVER, none, 0, progress=counted.append  # type: ignore[arg-type]
+        1e-5, SPACE, Uniform(), NEVER, NEVER, none, 0,
+        progress=counted.append  # type: ignore[arg-type]
     )  # fmt: skip
     assert sum(counted) == made.statement.draws == draws_needed(1e-5) and len(counted) > 1
     assert made.holds and not made.out_of_time

@@ -1,4 +1,6 @@
-"""Two loops over one folder, of two versions of a system: what became of the failures of the first."""
+"""Two loops over one folder, of two versions of a system: what became of the
+failures of the first.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,8 @@ def looped(
     folder: Path, out: Path, sut: str, against: Path | None = None, seed: int = 0
 ) -> LoopResult:
     settings = LoopSettings(
-        RunSettings(timestep=0.1, sut=sut, world="kinematic"), None, rounds=1, budget=30, most=3, shown=1, method="draws",
+        RunSettings(timestep=0.1, sut=sut, world="kinematic"), None, rounds=1, budget=30, most=3,
+        shown=1, method="draws",
         processes=1, seed=seed, ask=Ask(density="gaussian"), against=against,
     )  # fmt: skip
     found = run_loop(folder, out, settings, BAR, lambda *_: None)
@@ -105,7 +108,10 @@ def test_another_version_fixes_some_and_the_page_shows_which(
             )
             browser.settle()
             assert browser.run("document.documentElement.scrollWidth") <= width
-        section = "[...document.querySelectorAll('section')].find(each => each.querySelector('h2').textContent.startsWith('Against'))"
+        section = (
+            "[...document.querySelectorAll('section')].find(each => "
+            "each.querySelector('h2').textContent.startsWith('Against'))"
+        )
         assert (
             browser.run(f"{section}.querySelector('h2').textContent") == f"Against {WEAK} (loop_1)"
         )

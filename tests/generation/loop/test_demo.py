@@ -1,4 +1,6 @@
-"""The demo: its recordings are small, read without complaint, its scenarios run, and what `make demo` types can be typed."""
+"""The demo: its recordings are small, read without complaint, its scenarios run, and what
+`make demo` types can be typed.
+"""
 
 from __future__ import annotations
 

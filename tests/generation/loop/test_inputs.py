@@ -137,7 +137,10 @@ def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(
     )
     answer = command("xosc-loop", *arguments, "--out", tmp_path / "first")
     assert (answer.code, answer.err) == (0, ""), "what fails is what a loop is to find"
-    foreign = '<ScenarioObject name="Ego"><ExternalObjectReference name="library/object"/></ScenarioObject>'
+    foreign = (
+        '<ScenarioObject name="Ego"><ExternalObjectReference '
+        'name="library/object"/></ScenarioObject>'
+    )
     scenario(folder, "foreign", entities=[foreign, car("Lead")])
     distribution(folder, "gaps", {"Gap": (50, 60, 10)}, of="foreign")
     answer = command("xosc-loop", *arguments, "--out", tmp_path / "second")

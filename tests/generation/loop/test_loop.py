@@ -1,4 +1,6 @@
-"""The whole loop, from recordings and a scenario to the page, gone on with after an interruption, and looked at in Chromium."""
+"""The whole loop, from recordings and a scenario to the page, gone on with after an interruption,
+and looked at in Chromium.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ pytestmark = pytest.mark.slow  # two whole loops
 
 
 def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[tuple[str, bool]]:
-    """Run the loop, interrupted when a stage is finished; the stages, and whether each was done now."""
+    """Run the loop, interrupted when a stage is finished; the stages, and
+    whether each was done now.
+    """
     told = []
 
     def report(stage: LoopStage, found: StageFinding, seconds: float | None) -> None:
@@ -60,7 +64,9 @@ def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[t
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A car that follows another one for 15 s, and a logical scenario with its road and catalogues."""
+    """A car that follows another one for 15 s, and a logical scenario with its
+    road and catalogues.
+    """
     folder = tmp_path_factory.mktemp("mine")
     cars = [
         Car(1, 10.0, 21.0, 30.0, frames=375, lane=6),
@@ -164,7 +170,8 @@ def test_nothing_sticks_out_of_the_page(
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert [address for address in browser.requests if not address.startswith("file:")] == []
     browser.run(
-        "document.querySelectorAll('dt').forEach(each => { each.textContent = 'spline_based_trajectory_'.repeat(4); })"
+        "document.querySelectorAll('dt').forEach(each => { each.textContent = "
+        "'spline_based_trajectory_'.repeat(4); })"
     )
     assert (
         browser.run(
@@ -218,7 +225,10 @@ def test_regions_of_failure_have_the_replay_of_their_likeliest_edge_case(
         encoding="utf-8",
     )
     browser.open(changed)
-    table = "[...document.querySelectorAll('table')].find(each => each.textContent.includes('gap ≤ 5 m'))"
+    table = (
+        "[...document.querySelectorAll('table')].find(each => "
+        "each.textContent.includes('gap ≤ 5 m'))"
+    )
     shown = browser.run(f"[...{table}.querySelectorAll('tbody td')].map(each => each.textContent)")
     assert shown[:-1] == ["gap ≤ 5 m", "0.90, 0.80", "1 of 30", "1.0 % to 20 %", "4.0", "1"]
     assert browser.run(f"{table}.querySelector('tbody a').getAttribute('href')") == "a.html#t=1"
@@ -232,7 +242,8 @@ def test_tables_show_all_columns(out: Path, browser: Browser, width: int) -> Non
     browser.settle()
     assert (
         browser.run(
-            "[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > each.clientWidth).length"
+            "[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > "
+            "each.clientWidth).length"
         )
         == 0
     )

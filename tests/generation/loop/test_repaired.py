@@ -1,4 +1,6 @@
-"""A loop goes on in its folder with inputs that were mended, and not with another version of the system."""
+"""A loop goes on in its folder with inputs that were mended, and not with
+another version of the system.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Settings of a loop as they are told on its page and compared with those of a loop in the same folder."""
+"""Settings of a loop as they are told on its page and compared with those of a
+loop in the same folder.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ def test_settings_are_told_in_the_words_of_the_command() -> None:
         RunSettings(sut="aeb", road_path=("roads",), strict=True), ask=ask
     ).deciding()
     assert {name: told[name] for name in ("recorded", "kind", "density", "pin", "free", "map")} == {
-        "recorded": "traffic", "kind": "–", "density": "mixture", "pin": "Gap=5, Speed=20", "free": "–", "map": "A=a, B=b",
+        "recorded": "traffic", "kind": "–", "density": "mixture", "pin": "Gap=5, Speed=20",
+        "free": "–", "map": "A=a, B=b",
     }  # fmt: skip
     assert (told["sut"], told["road_path"], told["strict"], told["ego"], told["budget"]) == (
         "aeb",

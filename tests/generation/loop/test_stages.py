@@ -61,32 +61,40 @@ REGION = SearchedRegion(
     cases=["a.xosc"],
 )
 FINDINGS: list[tuple[StageFinding, str]] = [
-    (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
-    (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}), "manoeuvres measured: 3 cut_in"),
+    (Recognised(classes={"highway cut in": 2}, states={"known": 2}),
+        "2 scenarios recognised: 2 known"),
+    (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}),
+        "manoeuvres measured: 3 cut_in"),
     (
         Searched(
-            round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=DensitySource(40, own=True),
-            parameters=[SearchRange("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
-            collisions=5, distinct=4, new=3, cases=[CASE], regions=[REGION], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
+            round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway",
+            prior=DensitySource(40, own=True),
+            parameters=[SearchRange("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20,
+            failed_runs=1, run_error="no lane",
+            collisions=5, distinct=4, new=3, cases=[CASE], regions=[REGION], failed=[[5.0]],
+            real=[[4.0]], tried=[[5.0]],
         ),
         "highway cut in: 20 runs (1 with errors or inconclusive, mostly: no lane), "
         "5 collisions, 4 of them unlike each other (3 new), 1 edge "
         "case written; density of 40 manoeuvres of these recordings",
     ),
     (
-        Searched(round=1, target="x", title="x", scenario="x", prior=DensitySource(40, own=False), error="no box"),
+        Searched(round=1, target="x", title="x", scenario="x", prior=DensitySource(40, own=False),
+            error="no box"),
         "x was not searched: no box",
     ),
     (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors"),
     (
         Ran(files={"a.xosc": [RUN]}, sampled={"a.xosc": 12}),
-        "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; 11 parameter sets of 1 variation file left out (--sample)",
+        ("1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; 11 parameter sets of 1 "
+        "variation file left out (--sample)"),
     ),
     (
         RecognisedRun(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
         "1 scenario recognised about the ego in 1 run of edge cases",
     ),
-    (Checked(files=2, problems=["a.xosc:1: wrong"]), "2 files checked, 1 problem, the first: a.xosc:1: wrong"),
+    (Checked(files=2, problems=["a.xosc:1: wrong"]),
+        "2 files checked, 1 problem, the first: a.xosc:1: wrong"),
 ]  # fmt: skip
 
 
@@ -163,7 +171,9 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
 
 
 def damaged() -> list[str]:
-    """What is no JSON, no object, and an object that lacks a field, has one too many, and one of another type."""
+    """What is no JSON, no object, and an object that lacks a field, has one too
+    many, and one of another type.
+    """
     case = asdict(CASE)
     searched = asdict(FINDINGS[2][0])
     wrong = [

@@ -131,7 +131,8 @@ def test_variation_files_and_a_scenario_of_which_none_is_searched_do_not_name_ea
     assert "--density uniform" in reasons(Ask())["template"], "one of them says what can be done"
     names[distribution(tmp_path, "range", {"Gap": (10, 60, 10)}, of="template")] = "range"
     assert reasons(Ask()) == {
-        "template": "its variation file is searched in its place: range", "single": f"{one_value}; in its place: range"
+        "template": "its variation file is searched in its place: range",
+        "single": f"{one_value}; in its place: range"
     }  # fmt: skip
     del names[template], names[tmp_path / "range.xosc"]
     assert reasons(Ask()) == {"single": f"{one_value}: search template.xosc itself"}

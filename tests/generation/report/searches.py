@@ -1,4 +1,6 @@
-"""What a search leaves, made by hand: cut-ins on the kinematic world, two that fail and one that does not."""
+"""What a search leaves, made by hand: cut-ins on the kinematic world, two that
+fail and one that does not.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,8 @@ HARD, WEAK, EASY = (
     [40.0, 18.0, 1.0, 18.0, 3.0, 18.0, 5.0, 30.0],
     [78.0, 36.0, 1.0, 36.0, 6.0, 36.0, 5.0, 30.0],
 )
-"""Gap, start speed, start time, end speed, duration, final speed, rest time, ego speed: nobody prevents it, a system that brakes
-weakly fails, all survive"""
+"""Gap, start speed, start time, end speed, duration, final speed, rest time, ego speed: nobody
+prevents it, a system that brakes weakly fails, all survive"""
 CHANCES = {
     "collision": Probability(2e-3, 2e-4, 90.0, 1.0),
     "preventable collision": Probability(1e-3, 2e-4, 60.0, 1.0),
@@ -47,7 +49,9 @@ def recorded() -> Recorded:
 
 
 def searched(sut: str, points: FloatArray, drawn: int = 0) -> Generated:
-    """A search that has run these points, and others around them; those that collide are its edge cases."""
+    """A search that has run these points, and others around them; those that
+    collide are its edge cases.
+    """
     theta = np.concatenate([points, SPACE.draw(drawn, np.random.default_rng(0))])
     chosen, real = settings(sut), recorded()
     with Evaluator(CUT_IN, SPACE, run=chosen.run, processes=1) as run:

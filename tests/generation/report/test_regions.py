@@ -28,7 +28,9 @@ GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps
 
 @pytest.fixture(scope="module")
 def found() -> tuple[list[FailureRegion], list[Measure]]:
-    """Two groups: gaps below 15 m, and egos above 38 m/s with gaps above 60 m; the second one is hit harder."""
+    """Two groups: gaps below 15 m, and egos above 38 m/s with gaps above 60 m;
+    the second one is hit harder.
+    """
     generator = np.random.default_rng(0)
     theta = np.tile(np.array(EASY), (600, 1)) + generator.normal(0.0, 0.01, (600, len(EASY)))
     theta[:, GAP], theta[:, SPEED] = (
@@ -60,7 +62,9 @@ def test_groups_are_regions_with_rules_that_hold(
 
 
 def test_a_rule_is_scored_on_unguided_draws_and_not_on_sought_runs() -> None:
-    """A fifth of the gaps below 15 m fail; the search looked nowhere but at those: .8 of its runs there fail."""
+    """A fifth of the gaps below 15 m fail; the search looked nowhere but at
+    those: .8 of its runs there fail.
+    """
     generator = np.random.default_rng(1)
     theta = np.tile(np.array(EASY), (500, 1))
     theta[:, GAP] = np.where(
@@ -145,7 +149,9 @@ def test_without_failures_there_are_no_regions() -> None:
 
 
 def test_probabilities_of_regions_add_up_and_none_exceeds_that_of_all() -> None:
-    """Nine groups of failures, six of them listed; the draws fail in one of these and in one of the others."""
+    """Nine groups of failures, six of them listed; the draws fail in one of
+    these and in one of the others.
+    """
     generator = np.random.default_rng(4)
     theta = np.tile(np.array(EASY), (900, 1))
     theta[:, GAP], theta[:, SPEED] = generator.uniform(5.0, 85.0, 900), 20.0

@@ -73,7 +73,9 @@ def test_a_failure_that_is_survived_is_not_fixed_where_its_neighbour_fails(befor
 
 
 def test_regions_are_gone_new_moved_or_remain() -> None:
-    """Two groups before: one is fixed, of the other one failures are left; a third one is found now."""
+    """Two groups before: one is fixed, of the other one failures are left; a
+    third one is found now.
+    """
     middle = SPACE.unit((SPACE.low + SPACE.high)[None] / 2)[0]
     gone, left, new = (SPACE.scaled(middle * share) for share in (0.2, 1.0, 1.8))
     texts = [SPACE.values(row) for row in (gone, left, left + 0.01)]

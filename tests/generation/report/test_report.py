@@ -117,7 +117,8 @@ def test_the_headline_tells_probability_rates_and_bands() -> None:
     found, first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
     assert found.startswith("cas collides in ") and found.endswith(".")
     assert first.replace("\N{NO-BREAK SPACE}", " ").startswith(
-        "When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20 % (95 %"
+        "When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of "
+        "0.20 % (95 %"
     )
     assert "collisions per hour of driving" in second and "per 1,000 km" in second
     assert any(each == "Impacts of the collisions: 100 % at 0 to 5 m/s." for each in rest)
@@ -193,7 +194,10 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
         )
         met = [each for each in cases if each["drivers"][0] == "survives" and each["number"] > 0]
         assert browser.text(".choices [role=status]") == f"{len(met)} of {len(cases)} cases"
-        shown = "[...document.querySelectorAll('.driver')].filter(e => e.closest('tr:not([hidden], .totals)') && e.tagName === 'TD')"
+        shown = (
+            "[...document.querySelectorAll('.driver')].filter(e => e.closest('tr:not([hidden], "
+            ".totals)') && e.tagName === 'TD')"
+        )
         assert browser.run(f"{shown}.length") == len(met) * len(data(folder)["drivers"])
         assert browser.errors == []
         assert all(each.startswith(("file:", "about:")) for each in browser.requests)

@@ -91,7 +91,9 @@ def test_what_one_model_cannot_see_the_other_one_finds(
 
 
 def test_a_guided_run_counts_no_more_where_another_one_is() -> None:
-    """Many sure candidates in the region of most failures, and one unsure one in another: the second run goes there."""
+    """Many sure candidates in the region of most failures, and one unsure one in
+    another: the second run goes there.
+    """
     crowd, alone = np.full((1, 6), 0.2), np.full((1, 6), 0.8)
     candidates = np.concatenate([crowd + np.linspace(0.0, 0.06, 5)[:, None], alone])
     traffic = np.concatenate([np.repeat(crowd, 3, axis=0), alone])
@@ -101,7 +103,9 @@ def test_a_guided_run_counts_no_more_where_another_one_is() -> None:
 
 
 def test_each_region_has_its_share_of_the_guided_runs() -> None:
-    """Nine tenths of traffic fail in one region: the other one, and what is near none, have runs all the same."""
+    """Nine tenths of traffic fail in one region: the other one, and what is near
+    none, have runs all the same.
+    """
     great, small, none = (np.full((20, 6), each) for each in (0.1, 0.5, 0.9))
     aside = np.linspace(0.0, 0.09, 20)[:, None]
     candidates = np.concatenate([great + aside, small + aside, none + aside])
@@ -117,7 +121,9 @@ def test_each_region_has_its_share_of_the_guided_runs() -> None:
 def test_failures_that_no_judge_prevents_are_set_aside_and_judging_is_charged(
     posed: SearchProblem,
 ) -> None:
-    """Judges collide at small gaps as the system does: the search learns from failures at great speeds alone."""
+    """Judges collide at small gaps as the system does: the search learns from
+    failures at great speeds alone.
+    """
     ran = list[int]()
 
     def drivers(theta: FloatArray, sut: str) -> Outcomes:

@@ -85,7 +85,9 @@ def test_a_model_learns_from_a_bounded_number_of_runs_with_the_rare_failures_amo
 
 @pytest.fixture(scope="module")
 def halves() -> tuple[GaussianProcess, FloatArray]:
-    """A process that knows 300 runs, which fail from 1 on in their first coordinate, and other rows."""
+    """A process that knows 300 runs, which fail from 1 on in their first
+    coordinate, and other rows.
+    """
     x = np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2))
     process = GaussianProcess(280)
     process.learn(x[:300], Outcomes.of(300, collision=x[:300, 0] > 1.0, clearance=[np.inf] * 300))

@@ -1,4 +1,6 @@
-"""MCSG and its environment: what an edit does, what is learnt, and that a search is the same however it is run."""
+"""MCSG and its environment: what an edit does, what is learnt, and that a search
+is the same however it is run.
+"""
 
 from __future__ import annotations
 

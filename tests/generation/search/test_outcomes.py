@@ -1,4 +1,6 @@
-"""Episodes: real runs of the file, the same in any number of processes, and whole whatever happens in them."""
+"""Episodes: real runs of the file, the same in any number of processes, and
+whole whatever happens in them.
+"""
 
 from __future__ import annotations
 

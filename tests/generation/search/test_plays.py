@@ -100,7 +100,10 @@ def test_outcomes_are_those_of_any_number_of_processes(monkeypatch: pytest.Monke
 def test_few_points_are_played_by_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
     space = Space.of(CUT_IN)
     plays = ArrayPlays(CUT_IN, space, settings("cas"))
-    arrays, theta = ArrayPlays(CUT_IN, space, settings("cas"), few=0), space.draw(8, np.random.default_rng(2))  # fmt: skip
+    arrays, theta = (
+        ArrayPlays(CUT_IN, space, settings("cas"), few=0),
+        space.draw(8, np.random.default_rng(2)),
+    )
     for sut in (None, "fsm"):
         same(arrays(theta, sut), plays(theta, sut))
 

@@ -1,4 +1,6 @@
-"""Edge cases as files: valid, complete in themselves, and with the same verdicts when they are run again."""
+"""Edge cases as files: valid, complete in themselves, and with the same verdicts
+when they are run again.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory, cases: Cases, density: Gaus
 
 
 def test_parameters_stay_where_catalogues_are_of_another_version(tmp_path: Path) -> None:
-    """Entries of catalogues of 1.0 see the scenario's parameters, later ones do not: nothing may be worked out for that."""
+    """Entries of catalogues of 1.0 see the scenario's parameters, later ones do
+    not: nothing may be worked out for that.
+    """
     source = tmp_path / "source"
     standard.export(CUT_IN, "1.3", Folder(source))
     catalogue = source / "catalogs" / "vehicles" / "vehicle_catalog.xosc"
@@ -86,7 +90,10 @@ def test_a_road_whose_name_is_the_value_of_a_parameter_is_taken_along(tmp_path: 
     text = (source / CUT_IN.name).read_text()
     road = re.search(r'LogicFile filepath="([^"]*)"', text)
     assert road is not None
-    declared = f'<ParameterDeclarations><ParameterDeclaration name="Road" parameterType="string" value="{road[1]}"/>'
+    declared = (
+        '<ParameterDeclarations><ParameterDeclaration name="Road" parameterType="string" '
+        f'value="{road[1]}"/>'
+    )
     text = text.replace(road[0], 'LogicFile filepath="$Road"').replace(
         "<ParameterDeclarations>", declared, 1
     )

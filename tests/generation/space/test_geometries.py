@@ -1,4 +1,6 @@
-"""Edge cases on every geometry: their files alone, wherever they are moved to, lead to the verdicts that they tell."""
+"""Edge cases on every geometry: their files alone, wherever they are moved to,
+lead to the verdicts that they tell.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Catalogues of recordings: what is in them, that they are sound and the same each time, and that edited files stay."""
+"""Catalogues of recordings: what is in them, that they are sound and the same
+each time, and that edited files stay.
+"""
 
 from __future__ import annotations
 
@@ -166,7 +168,8 @@ def test_the_index_says_why_and_measures_the_pair_within_the_event(made: Path) -
     assert {row["trust"] for row in told} == {"rules alone"}
     (cut_in,) = [row for row in told if row["class"] == "highway cut in"][:1]
     assert re.search(
-        r"becomes the lead within 80 m; gap [\d.]+.*; ego on road .*; partner from road .* lane .* to road",
+        r"becomes the lead within 80 m; gap [\d.]+.*; ego on road .*; partner from "
+        r"road .* lane .* to road",
         cut_in["why"],
     )
     assert (cut_in["road_kind"], cut_in["partial"], cut_in["pair_touches"]) == (

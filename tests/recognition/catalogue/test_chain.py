@@ -1,4 +1,6 @@
-"""From recordings to searches: each scenario and manoeuvre of a catalogue is valid, runs, and can be searched."""
+"""From recordings to searches: each scenario and manoeuvre of a catalogue is
+valid, runs, and can be searched.
+"""
 
 from __future__ import annotations
 

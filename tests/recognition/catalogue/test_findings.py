@@ -72,7 +72,9 @@ PARKED = track("parked", np.full(100, 50.0), 0.0, heading=0.0)
 
 
 class Oracle:
-    """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
+    """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos
+    3 and 4 unknown, the rest free cruise.
+    """
 
     def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
         self.encoders = (

@@ -153,7 +153,8 @@ def test_the_page_filters_plays_and_links_to_files_that_are_there(
             "(document.querySelector('.question'))"
         )
         links = browser.run(
-            "[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))"
+            "[...document.querySelectorAll('.links a')].map(each => "
+            "decodeURI(each.getAttribute('href')))"
         )
         assert links and all((made / link).is_file() for link in links)
         film = "document.querySelector('.card canvas')"

@@ -63,7 +63,9 @@ def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(
 def test_a_replay_of_real_vehicles_is_smooth_unless_raw(
     raw: bool, turned: float, recordings: Path, tmp_path: Path
 ) -> None:
-    """Standing cars keep their heading (to 1 mrad); raw replays have the recorded places to 1 mm."""
+    """Standing cars keep their heading (to 1 mrad); raw replays have the
+    recorded places to 1 mm.
+    """
     path = recordings / TRACKS / "k729_2022-03-16" / "vehicle_tracks_004.csv"
     made = write_replay(path, tmp_path / "whole.xosc", raw=raw)
     said = [remark for remark in made.remarks if "off the recorded places" in remark]
@@ -91,7 +93,9 @@ def test_a_replay_of_real_vehicles_is_smooth_unless_raw(
 
 @pytest.mark.study
 def test_two_lanes_of_a_junction_do_not_bring_sumo_down(recordings: Path, tmp_path: Path) -> None:
-    """Vehicle 44 straddles two lanes that turn, when vehicle 60 comes up behind it: SUMO 1.28 did not survive that."""
+    """Vehicle 44 straddles two lanes that turn, when vehicle 60 comes up behind
+    it: SUMO 1.28 did not survive that.
+    """
     build(recordings / TRACKS / "k733_2020-09-15", tmp_path)
     scenario = tmp_path / "vehicles" / "k733_2020-09-15_000_41.xosc"
     command = [sys.executable, "-m", "runner.xosc_run", "--sut", "none", str(scenario)]

@@ -1,4 +1,6 @@
-"""Scenes of recordings as scenarios that replay them: who takes part, and that runs repeat what was recorded."""
+"""Scenes of recordings as scenarios that replay them: who takes part, and that
+runs repeat what was recorded.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Several processes make the same catalogue as one, and what was read before an interruption is not read again."""
+"""Several processes make the same catalogue as one, and what was read before an
+interruption is not read again.
+"""
 
 from __future__ import annotations
 

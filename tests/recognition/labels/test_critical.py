@@ -1,4 +1,6 @@
-"""Critical moments beside the classes, in recordings with the errors of sensors, and none in ordinary traffic."""
+"""Critical moments beside the classes, in recordings with the errors of sensors,
+and none in ordinary traffic.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ RIGHT, LEFT = -5.625, -1.875
 
 
 def speeds(start: float, *changes: tuple[float, float, float]) -> FloatArray:
-    """Speed over time (m/s) with changes: from a time (s), at so many m/s², down or up to a speed."""
+    """Speed over time (m/s) with changes: from a time (s), at so many m/s², down
+    or up to a speed.
+    """
     speed = np.full(len(TIME), start)
     for begin, rate, until in changes:
         after = speed + rate * np.clip(TIME - begin, 0.0, None)
@@ -184,7 +188,9 @@ def test_severities_are_shares_and_every_unnamed_moment_says_its_measures(
 def test_what_nothing_could_avert_and_did_not_happen_was_of_another_course(
     aside: float, measures: set[str], tmp_path: Path
 ) -> None:
-    """Boxes of recorded sizes overlap by 5 cm as a vehicle passes a standing one; those of one ahead collide."""
+    """Boxes of recorded sizes overlap by 5 cm as a vehicle passes a standing
+    one; those of one ahead collide.
+    """
     place = site(straight_highway(length=300.0, lanes=2), tmp_path)
     ego = track("ego", ahead(50.0, 8.0, 6.0), RIGHT)
     standing = track("standing", np.full(61, 80.0), RIGHT + aside, heading=0.0)
@@ -205,8 +211,8 @@ def test_measures_of_vehicles_that_overlap_from_the_beginning_are_none(tmp_path:
 def test_measures_are_of_the_bodies_not_of_their_extents_along_the_heading(
     braking: float, left: float, critical: bool, tmp_path: Path
 ) -> None:
-    """A bus stands obliquely in a driveway, its nose 20 cm in the way of the ego, its rear off the road and
-    8.5 m nearer: the ego stops before the nose."""
+    """A bus stands obliquely in a driveway, its nose 20 cm in the way of the ego, its rear off the
+    road and 8.5 m nearer: the ego stops before the nose."""
     place = site(straight_highway(length=300.0, lanes=2), tmp_path)
     length, width, turn = 12.0, 2.5, np.radians(45.0)
     nose = np.array([length, 0.5 * width]) - np.array([0.3 * length, 0.0])

@@ -1,4 +1,5 @@
-"""Rules 14 to 17, on a crossing whose arms are 1 (east), 2 (north), 3 (west), 4 (south); connecting roads go counterclockwise.
+"""Rules 14 to 17, on a crossing whose arms are 1 (east), 2 (north), 3 (west), 4 (south); connecting
+roads go counterclockwise.
 
 Roads inside: 101 to 103 from the east to north, west and south, 104 to 106 from the north to east,
 west and south, and so on.
@@ -20,7 +21,8 @@ from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import four_way_intersection, t_junction
 from xodr.formats.lanelet2 import Lanelet, build
 
-WAYS = {"EN": "101", "EW": "102", "ES": "103", "NE": "104", "NW": "105", "NS": "106", "WE": "107", "WN": "108", "WS": "109",
+WAYS = {"EN": "101", "EW": "102", "ES": "103", "NE": "104", "NW": "105", "NS": "106", "WE": "107",
+    "WN": "108", "WS": "109",
         "SE": "110", "SN": "111", "SW": "112"}  # fmt: skip
 ARMS = {"E": "1", "N": "2", "W": "3", "S": "4"}
 INSIDE = 50.0 / 8.0
@@ -68,7 +70,9 @@ def test_straight_on_is_a_cross_only_where_somebody_crosses(crossing: Site) -> N
 
 
 def _bent(folder: Path, degrees: float, straight_on: bool) -> Site:
-    """A street that bends to the left where a side street from the south crosses it; with another way that goes straight on."""
+    """A street that bends to the left where a side street from the south crosses it; with another
+    way that goes straight on.
+    """
     angle = np.radians(degrees)
     ways = {"in": [(-100.0, 0.0), (0.0, 0.0)], "south": [(20.0, -60.0), (20.0, -12.0)]}
     ways |= {"across": [(20.0, -12.0), (20.0, 22.0)], "north": [(20.0, 22.0), (20.0, 70.0)]}

@@ -1,4 +1,6 @@
-"""Rules 7 and 8, on the builders' ramps: the ramp is road 3, the extra lane beside the carriageway has the id -3."""
+"""Rules 7 and 8, on the builders' ramps: the ramp is road 3, the extra lane
+beside the carriageway has the id -3.
+"""
 
 from __future__ import annotations
 

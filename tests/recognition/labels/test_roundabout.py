@@ -1,4 +1,6 @@
-"""Rules 11 to 13, on a roundabout: lane 1 of an arm leads to the ring; 102 enters it from arm 1, 303 leaves it at arm 3."""
+"""Rules 11 to 13, on a roundabout: lane 1 of an arm leads to the ring; 102
+enters it from arm 1, 303 leaves it at arm 3.
+"""
 
 from __future__ import annotations
 

@@ -120,7 +120,9 @@ def test_changing_lane_on_a_street_is_a_lane_change(street: Site) -> None:
 
 
 def swerving(degrees: float) -> Track:
-    """A car on the straight part of the left lane that turns right by so much within 2 s, and then leaves it straight on."""
+    """A car on the straight part of the left lane that turns right by so much
+    within 2 s, and then leaves it straight on.
+    """
     time = STEP * np.arange(round(SECONDS / STEP) + 1)
     heading = -np.radians(degrees) * np.clip((time - 2.0) / 2.0, 0.0, 1.0)
     x, y = (
@@ -161,7 +163,9 @@ def test_a_change_that_the_record_cuts_is_a_cut_out_outside_of_junctions_only(st
 
 
 def turning_off(degrees: float, start: float = 20.0, y: float = -5.25, name: str = "ego") -> Track:
-    """A car on the straight part of the right lane that turns right by so much within 2.5 s and goes on beside the road."""
+    """A car on the straight part of the right lane that turns right by so much
+    within 2.5 s and goes on beside the road.
+    """
     time = STEP * np.arange(round(SECONDS / STEP) + 1)
     heading = -np.radians(degrees) * np.clip((time - 3.0) / 2.5, 0.0, 1.0)
     speed = 7.0
@@ -250,7 +254,9 @@ def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
 
 
 def _split(folder: Path, aside: float = 3.5) -> Site:
-    """A lane that splits after 60 m: one way goes straight on, the other bears to the left; then they lie beside each other."""
+    """A lane that splits after 60 m: one way goes straight on, the other bears to the left; then
+    they lie beside each other.
+    """
     along = np.linspace(60.0, 100.0, 21)
     share = (along - 60.0) / 40.0
     middle = aside * share**2 * (3.0 - 2.0 * share)
@@ -268,8 +274,10 @@ def _split(folder: Path, aside: float = 3.5) -> Site:
         )
 
     lanelets = [
-        straight("one", 0.0, 60.0, 0.0, ("on", "off")), straight("on", 60.0, 100.0, 0.0, ("right",)),
-        Lanelet("off", *bearing, successors=("left",)), straight("left", 100.0, 220.0, 3.5, right="right"),
+        straight("one", 0.0, 60.0, 0.0, ("on", "off")),
+        straight("on", 60.0, 100.0, 0.0, ("right",)),
+        Lanelet("off", *bearing, successors=("left",)),
+        straight("left", 100.0, 220.0, 3.5, right="right"),
         straight("right", 100.0, 220.0, 0.0),
     ]  # fmt: skip
     return site(build(lanelets, "street").map, folder)

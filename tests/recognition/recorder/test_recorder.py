@@ -1,4 +1,6 @@
-"""The recorder from end to end: what it writes is read, is the same each time, and moves as vehicles do."""
+"""The recorder from end to end: what it writes is read, is the same each time,
+and moves as vehicles do.
+"""
 
 from __future__ import annotations
 

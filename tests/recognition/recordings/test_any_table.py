@@ -1,4 +1,6 @@
-"""Tables whose columns a TOML file declares: units, frames, reference points, and what is wrong with them."""
+"""Tables whose columns a TOML file declares: units, frames, reference points,
+and what is wrong with them.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ TURN = math.radians(30.0)
 def table(
     folder: Path, declared: str, *, scale: float = 1.0, time: float = 1.0, **frame: float
 ) -> Source:
-    """A truck and a car that drive at 10 and 12 m/s in a direction of 30 degrees, written with factors."""
+    """A truck and a car that drive at 10 and 12 m/s in a direction of 30
+    degrees, written with factors.
+    """
     lines = ["who,t,x,y,yaw,v,l,w,kind"]
     for who, speed, kind, length in (("a", 10.0, "T", 8.0), ("b", 12.0, "C", 4.0)):
         for k in range(40):

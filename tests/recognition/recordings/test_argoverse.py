@@ -48,7 +48,9 @@ def segment(name: int, left: Lines, right: Lines, **more: Any) -> dict[str, Any]
 
 
 def write_map(folder: Path, name: str) -> Path:
-    """Two lanes to the east from x = 0 to 100 m that continue as one, and one lane to the west on their left."""
+    """Two lanes to the east from x = 0 to 100 m that continue as one, and one
+    lane to the west on their left.
+    """
     segments = [
         segment(
             1,
@@ -80,9 +82,11 @@ def write_scenario(
     """AV at 10 m/s on the right lane, behind a car at 8 m/s, and a pedestrian beside the road."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = [
-        {"track_id": name, "object_type": kind, "timestep": k, "position_x": x + 0.1 * v * k, "position_y": y, "heading": 0.0,
+        {"track_id": name, "object_type": kind, "timestep": k, "position_x": x + 0.1 * v * k,
+            "position_y": y, "heading": 0.0,
          "velocity_x": v, "velocity_y": 0.0, "city": "austin"}
-        for name, kind, x, y, v in (("AV", "vehicle", 5.0, -1.75, 10.0), ("12", "vehicle", 30.0, -1.75, 8.0),
+        for name, kind, x, y, v in (("AV", "vehicle", 5.0, -1.75, 10.0),
+            ("12", "vehicle", 30.0, -1.75, 8.0),
                                     ("13", "pedestrian", 40.0, -6.0, 1.0))
         for k in range(STEPS)
     ]  # fmt: skip
@@ -94,16 +98,20 @@ def write_scenario(
 
 
 def write_log(folder: Path, change: Callable[[dict[str, Any]], None] = lambda row: None) -> Path:
-    """The recording vehicle drives to the east at 10 m/s; a car is 20 m ahead of it, and a cyclist with a bicycle."""
+    """The recording vehicle drives to the east at 10 m/s; a car is 20 m ahead of
+    it, and a cyclist with a bicycle.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     turned = {"qw": math.cos(0.25), "qx": 0.0, "qy": 0.0, "qz": math.sin(0.25)}
     poses = [
-        {"timestamp_ns": 315 * 10**15 + 50_000_000 * k, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "tx_m": 5.0 + 0.5 * k,
+        {"timestamp_ns": 315 * 10**15 + 50_000_000 * k, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0,
+            "tx_m": 5.0 + 0.5 * k,
          "ty_m": -1.75, "tz_m": 1.0}
         for k in range(2 * STEPS)
     ]  # fmt: skip
     boxes = [
-        {"timestamp_ns": 315 * 10**15 + 100_000_000 * k, "track_uuid": name, "category": kind, "length_m": 4.0, "width_m": 1.8,
+        {"timestamp_ns": 315 * 10**15 + 100_000_000 * k, "track_uuid": name, "category": kind,
+            "length_m": 4.0, "width_m": 1.8,
          **turned, "tx_m": 20.0, "ty_m": 0.0, "tz_m": 0.0}
         for name, kind in (("a1-x", "REGULAR_VEHICLE"), ("b2-x", "BICYCLE"), ("c3-x", "BICYCLIST"))
         for k in range(STEPS)
@@ -210,7 +218,10 @@ def _in_milliseconds(row: dict[str, Any]) -> None:
     [
         (
             _in_milliseconds,
-            r"timestamp_ns: row 2: .* 1e-07 s after the frame before, 0\.1 s \(times in ns\) is expected",
+            (
+                r"timestamp_ns: row 2: .* 1e-07 s after the frame before, 0\.1 s "
+                r"\(times in ns\) is expected"
+            ),
         ),
         (_put("qw", 0.0), "column qw: row 1: the quaternion has not the length 1"),
         (_put("length_m", 0.0), "column length_m: row 1: 0 is no size"),

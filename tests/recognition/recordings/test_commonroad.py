@@ -113,7 +113,8 @@ def test_box_bounds_the_shapes_about_their_origin(
 @pytest.mark.parametrize(
     ("type_", "kind", "category"),
     [
-        ("truck", "vehicle", "truck"), ("bicycle", "vehicle", "bicycle"), ("pedestrian", "pedestrian", "pedestrian"),
+        ("truck", "vehicle", "truck"), ("bicycle", "vehicle", "bicycle"),
+        ("pedestrian", "pedestrian", "pedestrian"),
         ("parkedVehicle", "vehicle", "car"), ("constructionZone", "miscellaneous", "obstacle"),
     ],
 )  # fmt: skip
@@ -151,7 +152,10 @@ def test_states_missing_in_between_are_a_gap(tmp_path: Path) -> None:
     ("left_out", "rows", "reason"),
     [
         (
-            '<phantomObstacle id="5"><occupancySet><occupancy/><occupancy/></occupancySet></phantomObstacle>',
+            (
+                "<phantomObstacle "
+                'id="5"><occupancySet><occupancy/><occupancy/></occupancySet></phantomObstacle>'
+            ),
             2,
             "role 'phantom'",
         ),
@@ -161,7 +165,10 @@ def test_states_missing_in_between_are_a_gap(tmp_path: Path) -> None:
             "role 'environment'",
         ),
         (
-            '<dynamicObstacle id="7"><initialState/><occupancySet><occupancy/></occupancySet></dynamicObstacle>',
+            (
+                "<dynamicObstacle "
+                'id="7"><initialState/><occupancySet><occupancy/></occupancySet></dynamicObstacle>'
+            ),
             2,
             "possible places",
         ),

@@ -1,4 +1,6 @@
-"""Weather, daylight, surface and speed limit of recordings, from their data or an `odd.toml`, as columns and tags."""
+"""Weather, daylight, surface and speed limit of recordings, from their data or
+an `odd.toml`, as columns and tags.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,8 @@ def test_month_and_hour_give_daylight_where_it_is_sure(
 
 @pytest.mark.parametrize(
     ("latitude", "month", "hour", "found"),
-    [(69.6, 12, 12.0, "unknown"), (69.6, 6, 0.5, "day"), (36.0, 12, 9.0, "day"), (50.9, 1, 2.0, "night")],
+    [(69.6, 12, 12.0, "unknown"), (69.6, 6, 0.5, "day"), (36.0, 12, 9.0, "day"),
+        (50.9, 1, 2.0, "night")],
 )  # fmt: skip
 def test_the_sun_follows_latitude_and_season(
     latitude: float, month: int, hour: float, found: str
@@ -64,7 +67,8 @@ def test_an_hour_at_which_the_sun_is_up_all_year_is_day_without_a_month(tmp_path
 @pytest.mark.parametrize(
     ("environment", "found"),
     [
-        ("<weather>heavy_rain</weather><underground>wet</underground><timeOfDay>night</timeOfDay>", ("rain", "night", "wet")),
+        ("<weather>heavy_rain</weather><underground>wet</underground><timeOfDay>night</timeOfDay>",
+            ("rain", "night", "wet")),
         ("<weather>sunny</weather><underground>ice</underground>", ("clear", "unknown", "icy")),
         ("<weather>locusts</weather>", ("unknown", "unknown", "unknown")),
     ],
@@ -153,7 +157,10 @@ def test_cut_ins_with_a_short_ttc_at_speed_in_rain_are_a_question(tmp_path: Path
     table = read_index(tmp_path / "out").table
 
     def asked(speed: str, weather: str) -> list[str]:
-        text = f"class = 'highway cut in' and pair_ttc < 60 and ego_speed > {speed} and weather = '{weather}'"
+        text = (
+            f"class = 'highway cut in' and pair_ttc < 60 and ego_speed > {speed} and "
+            f"weather = '{weather}'"
+        )
         return table.filter(condition(text, table.schema).expression)["openlabel"].to_pylist()
 
     (file,) = asked("100 km/h", "rain")

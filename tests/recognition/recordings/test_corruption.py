@@ -139,8 +139,10 @@ EXAMPLES = {
     ),
 }
 NASTY = [
-    b"", b"nan", b"inf", b"-inf", b"-1", b"0", b"1e400", b"1e18", b"9" * 30, b"99999999", b"1.0", b"1_0", b"0x1F", b"1,5",
-    b"true", "１".encode(), b"\xe9", b"\xef\xbb\xbf", b'"', b",", b";", b" ", b"\n", b"\r", b"\r\n", b"\0",
+    b"", b"nan", b"inf", b"-inf", b"-1", b"0", b"1e400", b"1e18", b"9" * 30, b"99999999", b"1.0",
+    b"1_0", b"0x1F", b"1,5",
+    b"true", "１".encode(), b"\xe9", b"\xef\xbb\xbf", b'"', b",", b";", b" ", b"\n", b"\r", b"\r\n",
+    b"\0",
     b"&", b"<", b"</state>", b"<!DOCTYPE a>", b"]]>",
 ]  # fmt: skip
 

@@ -184,7 +184,10 @@ def test_numbered_highd_tracks_without_their_meta_files_are_refused(tmp_path: Pa
 
 
 def test_importing_the_readers_imports_nothing_heavy() -> None:
-    code = "import sys, recognition.recordings; print({'torch', 'sklearn', 'matplotlib', 'libsumo', 'pyarrow'} & set(sys.modules))"
+    code = (
+        "import sys, recognition.recordings; print({'torch', 'sklearn', 'matplotlib', 'libsumo', "
+        "'pyarrow'} & set(sys.modules))"
+    )
     assert (
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -164,8 +164,10 @@ def test_missing_frames_are_reported_and_left_missing(tmp_path: Path) -> None:
 @given(
     cars=st.lists(
         st.builds(
-            Car, id=st.integers(1, 10**12), x=st.floats(0, 400), y=st.floats(0, 40), vx=st.sampled_from([-35.0, -8.0, 8.0, 35.0]),
-            vy=st.floats(-2, 2), length=st.floats(1, 25), width=st.floats(0.5, 3), kind=st.sampled_from(["Car", "Truck"]),
+            Car, id=st.integers(1, 10**12), x=st.floats(0, 400), y=st.floats(0, 40),
+            vx=st.sampled_from([-35.0, -8.0, 8.0, 35.0]),
+            vy=st.floats(-2, 2), length=st.floats(1, 25), width=st.floats(0.5, 3),
+            kind=st.sampled_from(["Car", "Truck"]),
             first=st.integers(1, 20000), frames=st.integers(1, 30), lane=st.integers(0, 9),
         ),
         min_size=1, max_size=6, unique_by=lambda car: car.id,

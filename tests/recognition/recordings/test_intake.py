@@ -1,4 +1,6 @@
-"""Intake: recordings that are impossible are refused with a reason that would mend them; possible ones pass."""
+"""Intake: recordings that are impossible are refused with a reason that would
+mend them; possible ones pass.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,8 @@ def test_a_wrong_step_is_refused_in_both_directions_and_the_right_one_is_named(
     source = source_of(tmp_path, rows)
     with pytest.raises(
         InvalidFile,
-        match=rf"the places move at .* times the stated speeds: .*a step of {true:g}\d* s would fit",
+        match=r"the places move at .* times the stated speeds: .*a step of "
+        rf"{true:g}\d* s would fit",
     ):
         source.load()
 

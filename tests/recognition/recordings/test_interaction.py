@@ -172,7 +172,9 @@ def test_velocities_that_contradict_the_positions_are_replaced(
 
 
 def test_headings_folded_into_half_a_circle_are_taken_from_the_motion(tmp_path: Path) -> None:
-    """As in one recording of TAF-BW: velocities backwards, headings arctan(vy / vx), which a left turn shows."""
+    """As in one recording of TAF-BW: velocities backwards, headings arctan(vy /
+    vx), which a left turn shows.
+    """
     angles = np.linspace(0.0, math.pi, 60)
     rows = [
         row
@@ -208,7 +210,8 @@ def test_good_headings_are_kept_where_velocities_are_wrong(tmp_path: Path) -> No
 @given(
     agents=st.lists(
         st.tuples(
-            st.integers(0, 10**9), st.floats(-2000, 2000), st.floats(-2000, 2000), st.floats(-20, 20), st.floats(-20, 20),
+            st.integers(0, 10**9), st.floats(-2000, 2000), st.floats(-2000, 2000),
+            st.floats(-20, 20), st.floats(-20, 20),
             st.floats(-7, 7), st.integers(2, 30),
         ),
         min_size=1, max_size=5, unique_by=lambda agent: agent[0],

@@ -1,4 +1,6 @@
-"""A number that is none is refused with file, line and column, in any row and column that is read; changing sizes are told."""
+"""A number that is none is refused with file, line and column, in any row and
+column that is read; changing sizes are told.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ PEDESTRIAN = {"agent_type": "pedestrian/bicycle", "length": None, "width": None}
 
 
 class Example(NamedTuple):
-    """A good recording. write: its files in a folder. file: the one whose values are changed. read, sizes: its columns."""
+    """A good recording. write: its files in a folder. file: the one whose values
+    are changed. read, sizes: its columns.
+    """
 
     write: Callable[[Path], object]
     file: str
@@ -58,20 +62,27 @@ def _public(folder: Path) -> None:
 PUBLIC = tuple(name for name in (*ngsim._PUBLIC, *ngsim._PUBLIC_MORE) if name != "location")
 EXAMPLES = {
     "highD": Example(_highd, "01_tracks.csv", tuple(highd._TRACKS), ("width", "height")),
-    "highD, vehicles": Example(_highd, "01_tracksMeta.csv", tuple(highd._VEHICLES), ("width", "height")),
-    "highD, recording": Example(_highd, "01_recordingMeta.csv", ("frameRate", *highd._RECORDING), ("frameRate",)),
-    "inD": Example(_ind, "00_tracks.csv", tuple(name for name in ind._TRACKS if name not in ind._SIZES)),
-    "inD, participants": Example(_ind, "00_tracksMeta.csv", tuple(ind._PARTICIPANTS), ("width", "length")),
-    "inD, recording": Example(_ind, "00_recordingMeta.csv", ("frameRate", *ind._PLACE), ("frameRate",)),
+    "highD, vehicles": Example(_highd, "01_tracksMeta.csv", tuple(highd._VEHICLES),
+        ("width", "height")),
+    "highD, recording": Example(_highd, "01_recordingMeta.csv", ("frameRate", *highd._RECORDING),
+        ("frameRate",)),
+    "inD": Example(_ind, "00_tracks.csv",
+        tuple(name for name in ind._TRACKS if name not in ind._SIZES)),
+    "inD, participants": Example(_ind, "00_tracksMeta.csv", tuple(ind._PARTICIPANTS),
+        ("width", "length")),
+    "inD, recording": Example(_ind, "00_recordingMeta.csv", ("frameRate", *ind._PLACE),
+        ("frameRate",)),
     "INTERACTION": Example(
-        lambda folder: write_csv(folder / "s_train.csv", interaction_rows(1, 0, 9, 5, 0, 0) + interaction_rows(2, 0, 0, 5, 0, 0)),
+        lambda folder: write_csv(folder / "s_train.csv",
+            interaction_rows(1, 0, 9, 5, 0, 0) + interaction_rows(2, 0, 0, 5, 0, 0)),
         "s_train.csv",
         (*interaction._COLUMNS, *interaction._BOX),
         ("length", "width"),
     ),
     "NGSIM": Example(_public, "t.csv", PUBLIC, ("v_length", "v_width")),
     "metric": Example(
-        lambda folder: write_csv(folder / "t.csv", metric_rows(1, 0, 0, 0, 8) + metric_rows(2, 0, 9, 0, 8)),
+        lambda folder: write_csv(folder / "t.csv",
+            metric_rows(1, 0, 0, 0, 8) + metric_rows(2, 0, 9, 0, 8)),
         "t.csv",
         tuple(ngsim._METRIC),
         ("length", "width"),

@@ -25,15 +25,21 @@ def quaternion(heading: float) -> list[float]:
 
 
 def tables() -> Tables:
-    """Ten seconds: ego at 10 m/s to the east, a car that changes into its lane from the right, a pedestrian, a cone."""
+    """Ten seconds: ego at 10 m/s to the east, a car that changes into its lane
+    from the right, a pedestrian, a cone.
+    """
     found: Tables = {
         "log": [{"token": "l", "location": "singapore-onenorth"}],
         "scene": [{"token": "s", "name": "scene-0001", "log_token": "l"}],
-        "sample": [{"token": f"k{k}", "timestamp": START + 500_000 * k, "scene_token": "s"} for k in range(SAMPLES)],
-        "category": [{"token": "c", "name": "vehicle.car"}, {"token": "p", "name": "human.pedestrian.adult"},
+        "sample": [{"token": f"k{k}", "timestamp": START + 500_000 * k,
+            "scene_token": "s"} for k in range(SAMPLES)],
+        "category": [{"token": "c", "name": "vehicle.car"},
+            {"token": "p", "name": "human.pedestrian.adult"},
                      {"token": "t", "name": "movable_object.trafficcone"}],
-        "instance": [{"token": f"{'abc'[n]}" * 32, "category_token": kind} for n, kind in enumerate("cpt")],
-        "ego_pose": [{"token": f"e{k}", "timestamp": START + 50_000 * k, "translation": [1000.0 + 0.5 * k, 500.0, 0.0],
+        "instance": [{"token": f"{'abc'[n]}" * 32, "category_token": kind} for n,
+            kind in enumerate("cpt")],
+        "ego_pose": [{"token": f"e{k}", "timestamp": START + 50_000 * k,
+            "translation": [1000.0 + 0.5 * k, 500.0, 0.0],
                       "rotation": quaternion(0.0)} for k in range(10 * (SAMPLES - 1) + 1)],
         "sample_annotation": [],
     }  # fmt: skip
@@ -65,22 +71,28 @@ def arc(
 
 
 def expansion() -> dict[str, Any]:
-    """Two lanes to the east, the left one going on round a bend to the left, and one to the west on their right."""
+    """Two lanes to the east, the left one going on round a bend to the left, and
+    one to the west on their right.
+    """
     nodes = [(950.0, 501.8), (1150.0, 501.8), (1150.0, 498.2), (950.0, 498.2)]
     return {
         "version": "1.3",
         "node": [{"token": f"n{k}", "x": x, "y": y} for k, (x, y) in enumerate(nodes)],
-        "polygon": [{"token": "q", "exterior_node_tokens": [f"n{k}" for k in range(4)], "holes": []}],
+        "polygon": [{"token": "q", "exterior_node_tokens": [f"n{k}" for k in range(4)],
+            "holes": []}],
         "line": [],
         "lane": [{"token": "one", "polygon_token": "q", "lane_type": "CAR"}],
         "lane_connector": [{"token": "turn", "polygon_token": "q"}],
         "lane_divider": [], "road_divider": [], "traffic_light": [],
         "arcline_path_3": {
-            "one": [arc(950.0, 500.0, 0.0, 0.0, 200.0, 0.0)], "two": [arc(950.0, 496.5, 0.0, 0.0, 200.0, 0.0)],
+            "one": [arc(950.0, 500.0, 0.0, 0.0, 200.0, 0.0)],
+            "two": [arc(950.0, 496.5, 0.0, 0.0, 200.0, 0.0)],
             "turn": [arc(1150.0, 500.0, 0.0, 15.0 * math.pi / 2.0, 10.0, 0.0, radius=15.0)],
-            "back": [arc(1150.0, 493.0, math.pi, 0.0, 200.0, 0.0)], "far": [arc(5000.0, 0.0, 0.0, 0.0, 50.0, 0.0)],
+            "back": [arc(1150.0, 493.0, math.pi, 0.0, 200.0, 0.0)],
+            "far": [arc(5000.0, 0.0, 0.0, 0.0, 50.0, 0.0)],
         },
-        "connectivity": {"one": {"incoming": [], "outgoing": ["turn"]}, "turn": {"incoming": ["one"], "outgoing": ["gone"]}},
+        "connectivity": {"one": {"incoming": [], "outgoing": ["turn"]},
+            "turn": {"incoming": ["one"], "outgoing": ["gone"]}},
     }  # fmt: skip
 
 

@@ -66,7 +66,8 @@ def test_a_trace_without_roads_says_how_to_give_one(tmp_path: Path) -> None:
     (source,) = datasets.open(tmp_path).sources
     with pytest.raises(
         UsageError,
-        match=r"bare has no road: no map, no lanes, and no bare\.xodr beside it; give one by --road",
+        match=r"bare has no road: no map, no lanes, and no bare\.xodr beside "
+        r"it; give one by --road",
     ):
         site_of(source, source.load(), tmp_path)
 

@@ -1,4 +1,6 @@
-"""SinD recordings: vehicles and pedestrians of one folder, times with decimals, headings in yaw_rad."""
+"""SinD recordings: vehicles and pedestrians of one folder, times with decimals,
+headings in yaw_rad.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,10 @@ def rows(track: object, x: float, speed: float, kind: str = "car", n: int = 40) 
     """Rows of a vehicle that drives along y."""
     return [
         {
-            "track_id": track, "frame_id": k, "timestamp_ms": round(k * STEP, 4), "agent_type": kind, "x": x,
-            "y": speed * k * STEP / 1000.0, "vx": 0.0, "vy": speed, "yaw_rad": math.pi / 2, "heading_rad": 1.5,
+            "track_id": track, "frame_id": k, "timestamp_ms": round(k * STEP, 4),
+            "agent_type": kind, "x": x,
+            "y": speed * k * STEP / 1000.0, "vx": 0.0, "vy": speed, "yaw_rad": math.pi / 2,
+            "heading_rad": 1.5,
             "length": 4.5, "width": 1.8,
         }
         for k in range(n)

@@ -178,7 +178,8 @@ def test_rows_at_the_edge_of_the_view_that_turn_back_hard_are_left_out_and_repor
     (left,) = report.exclusions
     assert left.what == "1" and left.rows == N - report.rows
     assert re.match(
-        r"at the edge of the view it turns back at \d+\.\d0 s with -?\d\.\d m/s², which nothing does",
+        r"at the edge of the view it turns back at \d+\.\d0 s with -?\d\.\d "
+        r"m/s², which nothing does",
         left.reason,
     )
     assert columns["time"][0] == pytest.approx(0.1 + 0.1 * left.rows * mirrored)

@@ -32,15 +32,20 @@ def track(
     across = [y(each) for each in time.tolist()]
     slope = np.gradient(across, 0.1)
     return {
-        "id": name, "type": "vehicle", "length": 4.5, "width": 1.9, "height": 1.5, "valid": [True] * STEPS,
-        "position": [{"x": x + speed * t, "y": there, "z": 0.0} for t, there in zip(time.tolist(), across, strict=True)],
+        "id": name, "type": "vehicle", "length": 4.5, "width": 1.9, "height": 1.5,
+        "valid": [True] * STEPS,
+        "position": [{"x": x + speed * t, "y": there, "z": 0.0} for t,
+            there in zip(time.tolist(), across, strict=True)],
         "heading": np.arctan2(slope, speed).tolist(),
-        "velocity": [{"x": speed, "y": each} for each in slope.tolist()], "goalPosition": {"x": 0.0, "y": 0.0, "z": 0.0}, **more,
+        "velocity": [{"x": speed, "y": each} for each in slope.tolist()],
+        "goalPosition": {"x": 0.0, "y": 0.0, "z": 0.0}, **more,
     }  # fmt: skip
 
 
 def scene() -> dict[str, Any]:
-    """A freeway with three lanes to the east, of which the right one begins at 100 m, one to the west, and three vehicles."""
+    """A freeway with three lanes to the east, of which the right one begins at 100 m, one to the
+    west, and three vehicles.
+    """
 
     def lane(name: str, *places: tuple[float, float]) -> dict[str, Any]:
         return {"id": name, "type": "lane", "map_element_id": 1, "geometry": geometry(*places)}
@@ -48,10 +53,13 @@ def scene() -> dict[str, Any]:
     changing = track(7, 60.0, lambda t: 5.25 - 3.5 / (1.0 + math.exp(-2.0 * (t - 5.0))), 20.0)
     return {
         "name": "scene.json",
-        "objects": [track(5, 20.0, lambda t: 1.75, 20.0), changing, track(9, 150.0, lambda t: 1.75, 22.0, valid=[False] * STEPS)],
+        "objects": [track(5, 20.0, lambda t: 1.75, 20.0), changing,
+            track(9, 150.0, lambda t: 1.75, 22.0, valid=[False] * STEPS)],
         "roads": [
-            {"id": "1", "type": "road_edge", "map_element_id": 15, "geometry": geometry((0.0, 7.2), (400.0, 7.2))},
-            {"id": "2", "type": "road_line", "map_element_id": 7, "geometry": geometry((0.0, -0.1), (100.0, -0.1))},
+            {"id": "1", "type": "road_edge", "map_element_id": 15,
+                "geometry": geometry((0.0, 7.2), (400.0, 7.2))},
+            {"id": "2", "type": "road_line", "map_element_id": 7,
+                "geometry": geometry((0.0, -0.1), (100.0, -0.1))},
             {"id": "3", "type": "crosswalk", "map_element_id": 18,
              "geometry": geometry((380.0, 0.0), (383.0, 0.0), (383.0, 7.0), (380.0, 7.0))},
             lane("10", (0.0, 5.25), (200.0, 5.25)), lane("11", (200.0, 5.25), (400.0, 5.25)),
@@ -261,7 +269,10 @@ def _faster(document: dict[str, Any]) -> None:
         (_first("length", 450.0), "participant 5: 450 m by 1.9 m is no size of a truck"),
         (
             _faster,
-            r"the places move at 0\.28 times the stated speeds: the speeds may be in km/h, or a step of",
+            (
+                r"the places move at 0\.28 times the stated speeds: the speeds may be "
+                r"in km/h, or a step of"
+            ),
         ),
         (
             _first("valid", [1] * STEPS),

@@ -1,4 +1,6 @@
-"""Scenarios of Waymo Open Motion in TFRecord files, written by Google's protobuf, and damaged ones."""
+"""Scenarios of Waymo Open Motion in TFRecord files, written by Google's
+protobuf, and damaged ones.
+"""
 
 from __future__ import annotations
 
@@ -21,19 +23,26 @@ NAME = "training.tfrecord-00003-of-01000"
 _LABELS = {"": 1, "*": 3}
 _TYPES = {"double": 1, "float": 2, "int64": 3, "int32": 5, "bool": 8, "string": 9}
 MESSAGES = {
-    "ObjectState": "double center_x 2, double center_y 3, double center_z 4, float length 5, float width 6, float height 7,"
+    "ObjectState": "double center_x 2, double center_y 3, double center_z 4, float length 5, float width 6, "
+    "float height 7,"
     "float heading 8, float velocity_x 9, float velocity_y 10, bool valid 11",
     "Track": "int32 id 1, int32 object_type 2, ObjectState* states 3",
     "MapPoint": "double x 1, double y 2, double z 3",
-    "LaneCenter": "double speed_limit_mph 1, int32 type 2, bool interpolating 3, MapPoint* polyline 8, int64* entry_lanes 9,"
+    "LaneCenter": "double speed_limit_mph 1, int32 type 2, bool interpolating 3, MapPoint* polyline 8, "
+    "int64* entry_lanes 9,"
     "int64* exit_lanes 10",
     "RoadLine": "int32 type 1, MapPoint* polyline 2",
     "Crosswalk": "MapPoint* polygon 1",
-    "MapFeature": "int64 id 1, LaneCenter lane 3, RoadLine road_line 4, RoadLine road_edge 5, Crosswalk crosswalk 8",
+    "MapFeature": (
+        "int64 id 1, LaneCenter lane 3, RoadLine road_line 4, RoadLine road_edge 5, "
+        "Crosswalk crosswalk 8"
+    ),
     "LaneState": "int64 lane 1, int32 state 2, MapPoint stop_point 3",
     "DynamicMapState": "LaneState* lane_states 1",
-    "Scenario": "double* timestamps_seconds 1, Track* tracks 2, int32* objects_of_interest 4, string scenario_id 5,"
-    "int32 sdc_track_index 6, DynamicMapState* dynamic_map_states 7, MapFeature* map_features 8, int32 current_time_index 10,"
+    "Scenario": "double* timestamps_seconds 1, Track* tracks 2, int32* objects_of_interest 4, string "
+    "scenario_id 5,"
+    "int32 sdc_track_index 6, DynamicMapState* dynamic_map_states 7, MapFeature* map_features 8, "
+    "int32 current_time_index 10,"
     "string* laser 12",
 }
 """Fields of the messages with their numbers, as in the data set's proto files"""
@@ -204,7 +213,8 @@ def test_damaged_files_are_refused(
     ("spoil", "message"),
     [
         (lambda found: found.timestamps_seconds.__delitem__(slice(0, 5)), "91 states for 86 times"),
-        (lambda found: found.timestamps_seconds.__setitem__(slice(None), [k / 5 for k in range(91)]), "steps last 0.2 s"),
+        (lambda found: found.timestamps_seconds.__setitem__(slice(None),
+            [k / 5 for k in range(91)]), "steps last 0.2 s"),
         (lambda found: found.ClearField("sdc_track_index"), "no recording"),
         (lambda found: found.tracks.__delitem__(slice(None)), "no recording"),
     ],

@@ -89,7 +89,10 @@ def test_a_map_whose_lanes_lead_elsewhere_is_refused(tmp_path: Path) -> None:
     write_csv(tmp_path / "road" / "vehicle_tracks_000.csv", rows)
     builders.straight_highway(lanes=1, length=300.0).write(tmp_path / "road" / "road.xodr")
     (source,) = datasets.open(tmp_path / "road", tmp_path).sources
-    message = r"000\.csv: at 100% of their places vehicles go across the lanes of road\.xodr or against the traffic there: a map"
+    message = (
+        r"000\.csv: at 100% of their places vehicles go across the lanes of road\.xodr or against "
+        r"the traffic there: a map"
+    )
     with pytest.raises(InvalidFile, match=message):
         site_of(source, source.load(), tmp_path)
 
@@ -102,7 +105,9 @@ def test_a_map_whose_lanes_lead_elsewhere_is_refused(tmp_path: Path) -> None:
 def test_the_map_of_another_junction_is_refused(
     recordings: Path, tmp_path: Path, tracks: str, map: str
 ) -> None:
-    """Each with its own origin, which is the middle of the junction, so that one lies upon the other."""
+    """Each with its own origin, which is the middle of the junction, so that one
+    lies upon the other.
+    """
     folder, data = tmp_path / tracks, recordings / "taf_bw"
     folder.mkdir()
     shutil.copy(data / "recorded_trackfiles" / tracks / "vehicle_tracks_000.csv", folder)

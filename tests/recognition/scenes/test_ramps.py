@@ -1,4 +1,6 @@
-"""Ramps: by the shapes of lanes, in three cuttings of one motorway, and against observed traffic."""
+"""Ramps: by the shapes of lanes, in three cuttings of one motorway, and against
+observed traffic.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,8 @@ HELD_OUT = {
     "entry": Motorway(1000.0, 4, (Extra(350.0, 530.0, True, False),)),
     "exit": Motorway(1100.0, 3, (Extra(480.0, 640.0, False, True),)),
     "weaving": Motorway(1150.0, 2, (Extra(380.0, 700.0, True, True),)),
-    "both": Motorway(1450.0, 3, (Extra(260.0, 480.0, True, False), Extra(850.0, 1010.0, False, True))),
+    "both": Motorway(1450.0, 3, (Extra(260.0, 480.0, True, False),
+        Extra(850.0, 1010.0, False, True))),
 }  # fmt: skip
 
 
@@ -103,7 +106,9 @@ def test_ramps_of_simulated_traffic_are_those_of_its_routes(name: str, tmp_path:
 
 
 def test_a_lane_that_may_be_a_ramp_blocks_ramps_and_changes_there(tmp_path: Path) -> None:
-    """It begins at the map's border and ends beside others: a through lane, or an acceleration lane cut by the border."""
+    """It begins at the map's border and ends beside others: a through lane, or
+    an acceleration lane cut by the border.
+    """
     place = ramp_sites.site(
         Motorway(900.0, 2, (Extra(0.0, 400.0, False, False),)), "sections", tmp_path
     )
@@ -139,7 +144,9 @@ def test_a_blocked_class_has_no_rate() -> None:
 def test_a_ramp_that_carries_through_traffic_is_a_main_lane(
     tmp_path: Path, ramp: int, ends: str, through: int, is_main: bool
 ) -> None:
-    """Six vehicles on it, some of which come from a main lane (on-ramp) or go back to one (off-ramp)."""
+    """Six vehicles on it, some of which come from a main lane (on-ramp) or go
+    back to one (off-ramp).
+    """
     lanes = graph(site(builders.straight_highway(lanes=2, length=300.0), tmp_path).network)
     strips = [number for number, strip in enumerate(lanes.strips) if strip.kind == "driving"][:2]
     track = np.repeat(np.arange(6), 4)

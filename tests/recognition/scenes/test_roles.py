@@ -109,7 +109,9 @@ def way(before: int, after: int, lanes: Iterable[tuple[int, int]]) -> Connection
 
 
 def ramp(number: int, x: float, turn: float = 0.0, **links: object) -> RoadDesign:
-    """A one-lane road along the third lane, or one that bends away from its beginning (turn < 0) or towards its end (> 0)."""
+    """A one-lane road along the third lane, or one that bends away from its
+    beginning (turn < 0) or towards its end (> 0).
+    """
     lanes = {-1: LaneDesign("driving", (Cubic(0.0, 3.5),))}
     back = 100.0 if turn > 0.0 else 0.0
     begin = PlanPose(x + back - back * math.cos(turn), -7.0 - back * math.sin(turn), turn)
@@ -128,8 +130,10 @@ def ramp(number: int, x: float, turn: float = 0.0, **links: object) -> RoadDesig
 def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> None:
     into, out = mouth(10), mouth(11)
     roads = (
-        carriageway(1, 0.0, 2, successor=into), carriageway(2, 100.0, 3, predecessor=into, successor=out),
-        carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, 0.1, successor=into), ramp(5, 200.0, -0.1, predecessor=out),
+        carriageway(1, 0.0, 2, successor=into),
+        carriageway(2, 100.0, 3, predecessor=into, successor=out),
+        carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, 0.1, successor=into),
+        ramp(5, 200.0, -0.1, predecessor=out),
     )  # fmt: skip
     both = ((-1, -1), (-2, -2))
     junctions = (
@@ -149,14 +153,18 @@ def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> Non
 def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
     reverse: bool, tmp_path: Path
 ) -> None:
-    """An acceleration lane that merges on a road of its own is no exit; a deceleration lane that parts on one is no entry."""
+    """An acceleration lane that merges on a road of its own is no exit; a deceleration lane that
+    parts on one is no entry.
+    """
     xs = (300.0, 200.0, 100.0, 0.0) if reverse else (0.0, 100.0, 200.0, 300.0)
     before, after = ("successor", "predecessor") if reverse else ("predecessor", "successor")
     first, second, third = (mouth(number) for number in (10, 11, 12))
     roads = (
-        carriageway(1, xs[0], 2, **{after: first}), ramp(4, xs[0], -0.1 if reverse else 0.1, **{after: first}),
+        carriageway(1, xs[0], 2, **{after: first}),
+        ramp(4, xs[0], -0.1 if reverse else 0.1, **{after: first}),
         carriageway(2, xs[1], 3, **{before: first, after: second}),
-        carriageway(3, xs[2], 2, **{before: second, after: third}), ramp(5, xs[2], **{before: second, after: third}),
+        carriageway(3, xs[2], 2, **{before: second, after: third}),
+        ramp(5, xs[2], **{before: second, after: third}),
         carriageway(6, xs[3], 2, **{before: third}),
     )  # fmt: skip
 
@@ -349,7 +357,9 @@ def test_a_folder_for_reading_only_is_no_obstacle(
 
 
 def block(straight: float, radius: float) -> RoadMap:
-    """A one-way street about a block, with rounded corners, and a street that leads in and one that leads out at two corners."""
+    """A one-way street about a block, with rounded corners, and a street that leads in and one that
+    leads out at two corners.
+    """
     linked = {-1: LaneDesign("driving", (Cubic(0.0, 3.5),), predecessor=-1, successor=-1)}
     side = straight + 2.0 * radius
     corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)]

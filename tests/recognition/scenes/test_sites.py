@@ -87,7 +87,10 @@ def test_a_map_of_another_place_is_refused(tmp_path: Path, x: float, share: str)
     ]
     write_csv(tmp_path / "road" / "vehicle_tracks_000.csv", rows)
     builders.straight_highway(length=50.0).write(tmp_path / "road" / "road.xodr")
-    message = rf"vehicle_tracks_000\.csv: only {share} of the vehicles' places are on a road of road\.xodr: a map of this place"
+    message = (
+        rf"vehicle_tracks_000\.csv: only {share} of the vehicles' places are on a road of "
+        r"road\.xodr: a map of this place"
+    )
     with pytest.raises(InvalidFile, match=message):
         site_of(*opened(tmp_path / "road", tmp_path / "roads"))
 

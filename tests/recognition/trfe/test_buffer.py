@@ -74,7 +74,9 @@ def test_margin_is_small_between_classes() -> None:
 
 
 def test_outliers_are_far_from_their_neighbours() -> None:
-    """Distances to the two nearest of 0, 1, …, 9, 30: 1 inside, 1.5 at the ends, 20.5 for 30; median 1, MAD 0."""
+    """Distances to the two nearest of 0, 1, …, 9, 30: 1 inside, 1.5 at the ends,
+    20.5 for 30; median 1, MAD 0.
+    """
     features = np.concatenate([np.arange(10.0), [30.0]])[:, None] + 100.0
     sifted = sift(features, line(), Preprocessing(neighbours=2, spread=3.0))
     assert np.flatnonzero(sifted.outlying).tolist() == [0, 9, 10]

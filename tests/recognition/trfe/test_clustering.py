@@ -86,7 +86,9 @@ def test_certain_assignments_have_finite_losses() -> None:
 def found(
     truth_seed: int, config: Clustering = QUICK, new: tuple[int, ...] = (7, 8, 9), seed: int = 0
 ) -> tuple[Clusters, IntArray]:
-    """Clusters of three classes of 60 samples beside three known ones, with the similarity of the forest of those."""
+    """Clusters of three classes of 60 samples beside three known ones, with the
+    similarity of the forest of those.
+    """
     known, labels = clouds([1, 2, 3], 60, seed=1, apart=4.0)
     samples, truth = clouds(list(new), 60, seed=truth_seed, apart=4.0)
     grown, scale = forest(known, labels, 60), known.std()

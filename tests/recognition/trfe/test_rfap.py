@@ -26,7 +26,9 @@ def naive(forest: RandomForestClassifier, features: Features) -> FloatArray:
 
 
 def test_two_trees_by_hand() -> None:
-    """Both trees split at 0.5; the right half, of two classes, is split again at 1.5. Paths have 2, 3 and 3 nodes."""
+    """Both trees split at 0.5; the right half, of two classes, is split again at
+    1.5. Paths have 2, 3 and 3 nodes.
+    """
     features = np.array([[0.0], [1.0], [2.0]])
     grown = RandomForestClassifier(2, bootstrap=False, random_state=0).fit(features, [1, 2, 1])
     shapes = [tree.tree_.threshold[0] for tree in grown.estimators_]

@@ -52,14 +52,18 @@ def cast(grown: RandomForestClassifier) -> Cast:
 
 
 def two_classes(of_first: list[int], trees: int) -> tuple[IntArray, IntArray]:
-    """Votes of samples of class 1 with so many votes for it each, and as many samples of class 2 the other way round."""
+    """Votes of samples of class 1 with so many votes for it each, and as many
+    samples of class 2 the other way round.
+    """
     own = np.array(of_first)
     table = np.stack([own, trees - own], axis=1)
     return np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], len(own))
 
 
 def test_similarity_is_the_share_of_samples_with_as_great_a_deficit() -> None:
-    """Deficits of 0, 1, …, 9 plus less than 1 each: one that lacks 6 votes, 6.5 with mean jitter, is beaten by 3 or 4."""
+    """Deficits of 0, 1, …, 9 plus less than 1 each: one that lacks 6 votes, 6.5
+    with mean jitter, is beaten by 3 or 4.
+    """
     table, labels = two_classes(list(range(20, 10, -1)), trees=20)
     screening = EvtDeficit().fit(table, labels)
     found = screening.similarities(np.array([[14, 6], [20, 0]]))[:, 0]
@@ -134,7 +138,9 @@ def test_unknown_classes_are_rejected_and_known_ones_accepted(
 
 @pytest.mark.parametrize("reading", READINGS)
 def test_fewer_votes_never_score_lower(reading: type[Screening]) -> None:
-    """Of two classes with the same votes; the samples have a majority for the first, and ever fewer of its votes."""
+    """Of two classes with the same votes; the samples have a majority for the
+    first, and ever fewer of its votes.
+    """
     screening = reading().fit(*two_classes([100] * 20 + list(range(99, 59, -1)), trees=100))
     score = screening.score(np.array([[most, 100 - most] for most in range(100, 50, -1)]))
     assert (np.diff(score) >= -1e-12).all()
@@ -165,7 +171,9 @@ def test_scores_do_not_depend_on_what_is_scored_beside(cast: Cast) -> None:
 
 
 def test_the_pooled_reading_counts_votes_that_the_best_class_lacks() -> None:
-    """Of 20 trees 0, 1, …, 9 do not vote for the true class; a sample that lacks four is beaten by 5 or 6 of 10."""
+    """Of 20 trees 0, 1, …, 9 do not vote for the true class; a sample that lacks
+    four is beaten by 5 or 6 of 10.
+    """
     strays = np.arange(10)
     table = np.stack([20 - strays, np.zeros(10, int)], axis=1)
     screening = EvtPooled().fit(
@@ -209,7 +217,9 @@ def test_the_joint_reading_wants_distances() -> None:
 
 
 def test_a_background_shows_what_lies_beside_all_classes() -> None:
-    """Classes 1 and 2 differ in the first feature; in 3, which is like 2 in it, the others go together otherwise."""
+    """Classes 1 and 2 differ in the first feature; in 3, which is like 2 in it,
+    the others go together otherwise.
+    """
     random = np.random.default_rng(0)
 
     def draw(labels: list[int], each: int) -> tuple[Features, IntArray]:

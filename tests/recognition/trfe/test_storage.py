@@ -243,7 +243,9 @@ def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
 def rewritten(
     path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], None]
 ) -> None:
-    """Write the model's file anew after a change of its arrays, its settings and what it says of itself."""
+    """Write the model's file anew after a change of its arrays, its settings and
+    what it says of itself.
+    """
     with safe_open(path, "numpy") as file:
         metadata = file.metadata()
         arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118

@@ -1,4 +1,6 @@
-"""TRFE as a whole, on made-up features: known classes recognised, planted ones set aside, discovered and known from then on."""
+"""TRFE as a whole, on made-up features: known classes recognised, planted ones set aside,
+discovered and known from then on.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def stream(seed: int = 2) -> tuple[Features, IntArray]:
 
 
 class Round(NamedTuple):
-    """A model that has discovered among a stream and expanded, what it discovered, and the stream's true labels."""
+    """A model that has discovered among a stream and expanded, what it
+    discovered, and the stream's true labels.
+    """
 
     model: TRFE
     discovery: Discovery
@@ -176,7 +180,9 @@ def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
 
 
 def with_changes(labels: list[int], each: int, seed: int) -> tuple[Features, IntArray]:
-    """Samples of which new classes differ in the first eight features alone, and look like the first known one in the others."""
+    """Samples of which new classes differ in the first eight features alone, and look like the
+    first known one in the others.
+    """
     samples, truth = clouds(labels, each, seed, apart=APART)
     moved = clouds(labels, each, seed, APART, 8)[0]
     known = np.isin(truth, KNOWN)[:, None]

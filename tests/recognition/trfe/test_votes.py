@@ -24,7 +24,9 @@ def test_votes_are_the_choices_of_the_trees() -> None:
 
 
 def test_votes_are_not_mean_probabilities() -> None:
-    """Each leaf of a stump that holds two thirds of a class casts a whole vote for it, while its probability is two thirds."""
+    """Each leaf of a stump that holds two thirds of a class casts a whole vote for it, while its
+    probability is two thirds.
+    """
     features = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
     labels = np.array([1, 1, 2, 2, 2, 1])
     grown = RandomForestClassifier(8, bootstrap=False, max_depth=1, random_state=0).fit(

@@ -283,8 +283,12 @@ def test_an_entity_moves_once_in_the_step_that_ends_its_path_on_a_lane(tmp_path:
     text = source.read_text("utf-8").replace('"../roads', f'"{source.parents[1]}/roads')
     text = text.replace('"Car"', '"Ego"')
     path = tmp_path / "scenario.xosc"
-    path.write_text(text.replace('x="140" y="8.25"', 'x="140" y="-1.75"')
-                    .replace('x="100" y="8.25"', 'x="160" y="-1.75"'), encoding="utf-8")  # fmt: skip
+    path.write_text(
+        text.replace('x="140" y="8.25"', 'x="140" y="-1.75"').replace(
+            'x="100" y="8.25"', 'x="160" y="-1.75"'
+        ),
+        encoding="utf-8",
+    )
     compared, found, _ = compare(path, replace(settings(), max_time=15.0), 1, 0)
     assert (compared, found) == (1, [])
 
@@ -292,9 +296,12 @@ def test_an_entity_moves_once_in_the_step_that_ends_its_path_on_a_lane(tmp_path:
 def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) -> None:
     path = tmp_path / "scenario.xosc"
     text = (LIBRARY / "cut_in_highway.xosc").read_text("utf-8")
-    path.write_text(text.replace("../../xodr/library", str(LIBRARY.parents[1] / "xodr/library"))
-                    .replace("catalogs/", f"{LIBRARY}/catalogs/")
-                    .replace('dLane="1"', 'dLane="${$Ego_Speed_mps / 30}"'), encoding="utf-8")  # fmt: skip
+    path.write_text(
+        text.replace("../../xodr/library", str(LIBRARY.parents[1] / "xodr/library"))
+        .replace("catalogs/", f"{LIBRARY}/catalogs/")
+        .replace('dLane="1"', 'dLane="${$Ego_Speed_mps / 30}"'),
+        encoding="utf-8",
+    )
     sets = [{"Ego_Speed_mps": each} for each in ("30", "30.3")]
     assert set(played(path, sets, settings())) == {0}
 
@@ -332,8 +339,12 @@ def test_sets_of_scenarios_with_other_parameters_are_in_one_table(tmp_path: Path
     alone.write_text(
         text.replace("../../xodr/library", str(LIBRARY.parents[1] / "xodr/library"))
         .replace("catalogs/", f"{LIBRARY}/catalogs/")
-        .replace('name="CutIn_Gap_m" parameterType="double" value="20.0"',
-                 'name="CutIn_Gap_m" parameterType="double" value="60.0"'), encoding="utf-8")  # fmt: skip
+        .replace(
+            'name="CutIn_Gap_m" parameterType="double" value="20.0"',
+            'name="CutIn_Gap_m" parameterType="double" value="60.0"',
+        ),
+        encoding="utf-8",
+    )
     out = tmp_path / "out"
     source = jobs_of([alone, variation], {}, True)
     played_jobs = list(Together(source, settings(), out, lambda line: None))

@@ -1,4 +1,6 @@
-"""Batches: order, determinism over processes, defects, interruption and resumption, names of result folders."""
+"""Batches: order, determinism over processes, defects, interruption and
+resumption, names of result folders.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +133,10 @@ def test_a_defect_of_the_runner_is_an_internal_error_of_that_run(
 
 def test_a_catalogue_can_not_be_run(tmp_path: Path) -> None:
     path = tmp_path / "catalog.xosc"
-    header = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="a" description="d"/>'
+    header = (
+        '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="a" '
+        'description="d"/>'
+    )
     path.write_text(f'<OpenSCENARIO>{header}<Catalog name="c"/></OpenSCENARIO>')
     (outcome,) = batch([path])
     assert outcome.exit_code == 3

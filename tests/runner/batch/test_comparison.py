@@ -1,4 +1,6 @@
-"""`xosc-run --against`: what is new, fixed and still failing since an earlier batch, and the exit code for CI."""
+"""`xosc-run --against`: what is new, fixed and still failing since an earlier
+batch, and the exit code for CI.
+"""
 
 from __future__ import annotations
 

@@ -65,7 +65,10 @@ def test_files_that_a_parameter_names_are_inputs(scenario: Path, element: str) -
     old = re.search(rf'<{element} {attribute}="([^"]*)"', text)
     assert old is not None
     text = text.replace(old[0], f'<{element} {attribute}="$Where"', 1)
-    declared = f'<ParameterDeclarations><ParameterDeclaration name="Where" parameterType="string" value="{old[1]}"/>'
+    declared = (
+        '<ParameterDeclarations><ParameterDeclaration name="Where" parameterType="string" '
+        f'value="{old[1]}"/>'
+    )
     scenario.write_text(re.sub(r"<ParameterDeclarations>", declared, text, count=1))
     before = inputs(scenario, RunSettings())
     named = scenario.parent / (

@@ -1,4 +1,6 @@
-"""Processes of a batch that ends early: jobs in work have a few seconds, and nothing prints a traceback."""
+"""Processes of a batch that ends early: jobs in work have a few seconds, and
+nothing prints a traceback.
+"""
 
 from __future__ import annotations
 

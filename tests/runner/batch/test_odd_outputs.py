@@ -1,4 +1,6 @@
-"""Files and folders with odd names, and outputs that can't be written: results all the same, or one line."""
+"""Files and folders with odd names, and outputs that can't be written: results
+all the same, or one line.
+"""
 
 from __future__ import annotations
 

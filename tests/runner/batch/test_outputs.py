@@ -27,7 +27,9 @@ ESCAPED = "Tom, &quot;Dick&quot; &amp; &lt;Harry&gt;"
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> runner.RunResult:
-    """Ego in a curve of constant curvature, and an oddly named car that drives against the reference line and brakes."""
+    """Ego in a curve of constant curvature, and an oddly named car that drives against the
+    reference line and brakes.
+    """
     brake = speed_action(0, 'dynamicsShape="linear" dynamicsDimension="rate" value="5"')
     path = scenario(
         tmp_path_factory.mktemp("outputs"),

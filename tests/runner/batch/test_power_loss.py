@@ -1,4 +1,5 @@
-"""A batch whose machine, disk or process fails at any of its operations, and what is left when it is resumed.
+"""A batch whose machine, disk or process fails at any of its operations, and
+what is left when it is resumed.
 
 The operations of the operating system by which a batch writes are counted. Before each of them the
 test takes pictures of what would be on the disk if the machine went down there: only what was

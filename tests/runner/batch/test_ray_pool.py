@@ -1,4 +1,6 @@
-"""Batches on a Ray cluster: the same results as in processes of one's own, also when workers are killed."""
+"""Batches on a Ray cluster: the same results as in processes of one's own, also
+when workers are killed.
+"""
 
 from __future__ import annotations
 

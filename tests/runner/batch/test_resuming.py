@@ -1,4 +1,6 @@
-"""What counts as finished where a batch is resumed: runs of which nothing has changed, and whose results are whole."""
+"""What counts as finished where a batch is resumed: runs of which nothing has
+changed, and whose results are whole.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,8 @@ def test_an_edited_file_is_run_anew(batch: Batch, file: str) -> None:
     done, (line,) = batch.resume()
     assert done == [0, 1, 2]
     assert line == (
-        "3 finished runs of files, a system or a toolchain that have changed: run anew (variation~000000, …)"
+        "3 finished runs of files, a system or a toolchain that have changed: run anew "
+        "(variation~000000, …)"
     )
     assert batch.resume() == ([], [])
 
@@ -125,7 +128,10 @@ def test_files_of_a_scenario_whose_own_road_is_missing_count(tmp_path: Path, cha
     catalogue.parent.mkdir()
     catalogue.write_text(CATALOGUE)
     text = batch.scenario.read_text()
-    locations = '<CatalogLocations><VehicleCatalog><Directory path="catalogues"/></VehicleCatalog></CatalogLocations>'
+    locations = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="catalogues"/></VehicleCatalog></CatalogLocations>'
+    )
     assert "<CatalogLocations/>" in text
     batch.scenario.write_text(text.replace("<CatalogLocations/>", locations))
     settings = RunSettings(sut="none", world="kinematic", road=str(road))

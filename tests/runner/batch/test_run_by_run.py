@@ -1,4 +1,6 @@
-"""Actions that are executed run by run in a batch in arrays, and values that conditions compare there, are those of the interpreter."""
+"""Actions that are executed run by run in a batch in arrays, and values that conditions compare
+there, are those of the interpreter.
+"""
 
 from pathlib import Path
 
@@ -53,7 +55,9 @@ DECLARED = """<ParameterDeclarations><ParameterDeclaration name="Varied" paramet
 
 
 def case(folder: Path, action: str, later: str = "") -> Path:
-    """A scenario with a parameter and a variable, in which Other acts at 1 s, and later in a second event."""
+    """A scenario with a parameter and a variable, in which Other acts at 1 s,
+    and later in a second event.
+    """
     text = BASE.format(road=ROADS / "straight.xodr")
     text = text.replace("<ParameterDeclarations/>", DECLARED, 1)
     begin = text.index("<PrivateAction", text.index("<Event "))
@@ -65,7 +69,9 @@ def case(folder: Path, action: str, later: str = "") -> Path:
 
 
 def compared(path: Path, *values: float) -> list[float]:
-    """Last places of Other along the road (m) by value of the parameter, once all are those of the interpreter."""
+    """Last places of Other along the road (m) by value of the parameter, once
+    all are those of the interpreter.
+    """
     sets = [{"Varied": str(value)} for value in values]
     together = played(path, sets, SETTINGS)
     assert sorted(together) == list(range(len(sets)))

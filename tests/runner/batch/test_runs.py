@@ -1,4 +1,6 @@
-"""The table of a batch's runs: what is in it, who reads it, and that it does not depend on how the runs were done."""
+"""The table of a batch's runs: what is in it, who reads it, and that it does not
+depend on how the runs were done.
+"""
 
 from __future__ import annotations
 

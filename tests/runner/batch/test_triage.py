@@ -15,7 +15,9 @@ from tests.runner.files import ROADS, car, distribution, place, scenario
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a file of each group; a variation file of 100 sets, and a scenario, lack their road."""
+    """A folder with a file of each group; a variation file of 100 sets, and a
+    scenario, lack their road.
+    """
     found = tmp_path / "found"
     scenario(found, "good")
     text = scenario(found, "repaired").read_text()
@@ -59,14 +61,21 @@ def test_each_file_is_one_row_under_its_cause(folder: Path) -> None:
 
 
 def test_a_fault_of_another_file_names_that_file_and_no_line_of_the_own(folder: Path) -> None:
-    catalogs = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    catalogs = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    )
     text = (folder / "good.xosc").read_text().replace("<CatalogLocations/>", catalogs)
     start, end = text.index('<ScenarioObject name="Lead">') + 28, text.rindex("</ScenarioObject>")
     vehicle = text[start:end].strip()
     (folder / "catalogs").mkdir()
-    twice = vehicle.replace("<BoundingBox>", '<ParameterDeclarations><ParameterDeclaration name="$a" parameterType="double" '
+    twice = vehicle.replace("<BoundingBox>",
+        '<ParameterDeclarations><ParameterDeclaration name="$a" parameterType="double" '
                             'value="1"/></ParameterDeclarations><BoundingBox>')  # fmt: skip
-    header = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" description="t"/>'
+    header = (
+        '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" '
+        'description="t"/>'
+    )
     (folder / "catalogs" / "cars.xosc").write_text(
         f'<OpenSCENARIO>{header}<Catalog name="cars">{twice}</Catalog></OpenSCENARIO>'
     )

@@ -1,4 +1,6 @@
-"""Catalogues that are not where a scenario says: found in the folders that are asked for, by runs, checks, exports, searches."""
+"""Catalogues that are not where a scenario says: found in the folders that are asked for, by runs,
+checks, exports, searches.
+"""
 
 from __future__ import annotations
 

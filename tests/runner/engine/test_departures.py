@@ -1,4 +1,6 @@
-"""What is said of entities that never appear, of controllers, of no ego, and of one that leaves the road."""
+"""What is said of entities that never appear, of controllers, of no ego, and of
+one that leaves the road.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,10 @@ def test_leaving_the_road_and_coming_back_are_events_and_the_first_leaving_is_a_
         (None, "nothing sets it in motion; SUMO's driver would drive it (--sut sumo)"),
         (
             "cas",
-            "neither the scenario nor cas sets it in motion; SUMO's driver would drive it (--sut sumo)",
+            (
+                "neither the scenario nor cas sets it in motion; SUMO's driver would drive it "
+                "(--sut sumo)"
+            ),
         ),
     ],
 )
@@ -105,7 +110,10 @@ def test_a_run_in_which_nobody_moves_the_ego_or_nobody_is_there_tests_nothing(
             None,
             1,
             (
-                "no vehicle is known to be the ego: A touches B at 0.00 s, which fails nothing; --ego A would make it that",
+                (
+                    "no vehicle is known to be the ego: A touches B at 0.00 s, which fails "
+                    "nothing; --ego A would make it that"
+                ),
             ),
         ),
     ],
@@ -179,7 +187,10 @@ def test_a_controller_that_is_not_executed_is_a_remark(tmp_path: Path, sut: str,
 
 
 def test_an_activated_controller_that_is_nowhere_is_a_remark(tmp_path: Path) -> None:
-    activate = "<PrivateAction><ControllerAction><ActivateControllerAction longitudinal='{}'/></ControllerAction></PrivateAction>"
+    activate = (
+        "<PrivateAction><ControllerAction><ActivateControllerAction "
+        "longitudinal='{}'/></ControllerAction></PrivateAction>"
+    )
     for active, remarks in (
         ("false", ()),
         ("true", ("Ego: a controller is activated, and the scenario gives it none",)),
@@ -252,6 +263,7 @@ def test_a_vehicle_that_the_end_of_the_road_stops_dead_is_told(tmp_path: Path) -
         if "physics" in each
     ]
     assert re.match(
-        r"Other stops dead at the end of its road at 2\.\d\d s: -20\.00 m/s within 0\.05 s is beyond physics",
+        r"Other stops dead at the end of its road at 2\.\d\d s: -20\.00 m/s within 0\.05 s is "
+        r"beyond physics",
         remark,
     )

@@ -1,4 +1,6 @@
-"""What is not looked at because nobody can have come near: the same answers as when everything is looked at in each step."""
+"""What is not looked at because nobody can have come near: the same answers as
+when everything is looked at in each step.
+"""
 
 from __future__ import annotations
 

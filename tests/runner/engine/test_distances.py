@@ -1,4 +1,6 @@
-"""Distances in all coordinate systems, with their signs for both traffic rules and both directions."""
+"""Distances in all coordinate systems, with their signs for both traffic rules
+and both directions.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ from runner.engine.storyboard.simulation import Simulation
 from tests.runner.scene import CAR, drive, put, put_free, scene, vehicle
 
 SIDES = [("straight", -1), ("straight", 1), ("straight_lht", 1), ("straight_lht", -1)]
-"""{RHT, LHT} × {lane of traffic with s, against s}: lanes −1 and 1 drive with and against s, on LHT roads against and with."""
+"""{RHT, LHT} × {lane of traffic with s, against s}: lanes −1 and 1 drive with
+and against s, on LHT roads against and with.
+"""
 
 
 @pytest.mark.parametrize("system", ["entity", "road", "lane"])

@@ -213,7 +213,9 @@ class Chasing:
 def behind_a_steady_lead(
     controller: GapController | Chasing, gap: float, dt: float = 0.05
 ) -> tuple[float, float]:
-    """Greatest overshoot (m), and the time (s) from which on the gap is within 10 cm of its goal."""
+    """Greatest overshoot (m), and the time (s) from which on the gap is within
+    10 cm of its goal.
+    """
     speed, most, late = 20.0, 0.0, 0.0
     for step in range(1200):
         speed = controller.speed(gap, speed, 20.0, dt)

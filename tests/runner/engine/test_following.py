@@ -1,4 +1,6 @@
-"""Gears on a path: the first motion leads on, the other gear back; headings that the path prescribes hold."""
+"""Gears on a path: the first motion leads on, the other gear back; headings that
+the path prescribes hold.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Conditions and entities that are left alone while they can't change: the same as when all are looked at in each step."""
+"""Conditions and entities that are left alone while they can't change: the same
+as when all are looked at in each step.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ SCENARIOS = Path(__file__).parents[2] / "conformance" / "scenarios"
 
 
 class Changing(Condition):
-    """Another value from certain steps on; it knows of some changes when they come, others are announced as they happen.
+    """Another value from certain steps on; it knows of some changes when they come, others are
+    announced as they happen.
 
     Args:
         first: the value at the beginning.
@@ -87,7 +90,9 @@ def trigger_of(chosen: Any, plain: bool) -> Trigger:
 
 
 class Foreseen(Changing):
-    """One that knows up to when it is false, as a time or as a total displacement, which is 2 m a step."""
+    """One that knows up to when it is false, as a time or as a total
+    displacement, which is 2 m a step.
+    """
 
     def _next(self, run: Any) -> float:
         return min((step for step in self.at if step > run.step_index), default=math.inf)
@@ -208,7 +213,9 @@ def registered() -> list[str]:
 
 
 def bytes_of(result: runner.RunResult) -> list[Any]:
-    """The event log, and each column of the trajectories as bytes (zeros and negative ones are told apart)."""
+    """The event log, and each column of the trajectories as bytes (zeros and
+    negative ones are told apart).
+    """
     table = result.recording.table()
     columns = [column.to_numpy() for column in table.columns]
     return [

@@ -1,4 +1,6 @@
-"""The road network of a run: found in folders that are asked for, or made from the positions that a scenario uses."""
+"""The road network of a run: found in folders that are asked for, or made from
+the positions that a scenario uses.
+"""
 
 from __future__ import annotations
 
@@ -239,7 +241,10 @@ def test_ways_off_a_virtual_junction_are_a_remark_but_no_fault(tmp_path: Path) -
     path = scenario(tmp_path)
     road = tmp_path / "straight.xodr"
     connection = '<connection id="0" incomingRoad="1" connectingRoad="1" contactPoint="start"/>'
-    junction = f'<junction id="9" type="virtual" mainRoad="1" sStart="40" sEnd="60">{connection}</junction>'
+    junction = (
+        '<junction id="9" type="virtual" mainRoad="1" sStart="40" '
+        f'sEnd="60">{connection}</junction>'
+    )
     road.write_text(road.read_text().replace("</OpenDRIVE>", f"{junction}</OpenDRIVE>"))
     for strict in (False, True):
         (remark,) = runner.run(path, FAST, strict=strict).remarks

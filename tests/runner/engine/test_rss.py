@@ -39,11 +39,13 @@ def test_longitudinal(rear: float, front: float, p: object, expected: float) -> 
 @pytest.mark.parametrize(
     ("left", "right", "expected"),
     [
-        # left: 0.2 m/s after 1 s: 0.1 m, then 0.04/1.6 = 0.025 m; right: −0.4 m/s after 2 s: −0.4 m, then −0.1 m; μ = 0.1
+        # left: 0.2 m/s after 1 s: 0.1 m, then 0.04/1.6 = 0.025 m; right: −0.4
+        # m/s after 2 s: −0.4 m, then −0.1 m; μ = 0.1
         (0.0, 0.0, 0.1 + 0.1 + 0.025 + 0.4 + 0.1),
         # left drives right at 1 m/s: 1.1 + 1.44/1.6
         (1.0, 0.0, 0.1 + 1.1 + 0.9 + 0.4 + 0.1),
-        # left drives left at 1 m/s, and does not come back within its response time: −0.9 + 0.4 + 0.1 is cut off at 0
+        # left drives left at 1 m/s, and does not come back within its response
+        # time: −0.9 + 0.4 + 0.1 is cut off at 0
         (-1.0, 0.0, 0.1),
     ],
 )

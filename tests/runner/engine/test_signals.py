@@ -1,4 +1,6 @@
-"""Traffic signal controllers: cycles, delays, states set from outside, and files that make no sense."""
+"""Traffic signal controllers: cycles, delays, states set from outside, and files
+that make no sense.
+"""
 
 from __future__ import annotations
 
@@ -108,8 +110,10 @@ PHASES = '<Phase name="go" duration="3"/><Phase name="stop" duration="2"/>'
 def test_delays_add_up_along_the_references() -> None:
     signals = read(
         f'<TrafficSignalController name="a">{PHASES}</TrafficSignalController>',
-        f'<TrafficSignalController name="b" delay="1" reference="a">{PHASES}</TrafficSignalController>',
-        f'<TrafficSignalController name="c" delay="2" reference="b">{PHASES}</TrafficSignalController>',
+        '<TrafficSignalController name="b" delay="1" '
+        f'reference="a">{PHASES}</TrafficSignalController>',
+        '<TrafficSignalController name="c" delay="2" '
+        f'reference="b">{PHASES}</TrafficSignalController>',
     )
     assert [controller.begin for controller in signals.controllers.values()] == [0.0, 1.0, 3.0]
 
@@ -137,7 +141,10 @@ def test_a_group_state_is_that_of_all_signals_of_the_road_network_s_controller()
             "another traffic signal controller is called 'a'",
         ),
         (
-            '<TrafficSignalController name="a"><Phase name="go" duration="-1"/></TrafficSignalController>',
+            (
+                '<TrafficSignalController name="a"><Phase name="go" '
+                'duration="-1"/></TrafficSignalController>'
+            ),
             "duration",
         ),
         (
@@ -152,7 +159,9 @@ def test_controllers_that_make_no_sense_are_refused(controller: str, message: st
 
 
 def at_place(name: str) -> str:
-    """The signal that a name of CARLA's stands for, on the road with lights at s = 400 m and 500 m."""
+    """The signal that a name of CARLA's stands for, on the road with lights at s
+    = 400 m and 500 m.
+    """
     network = xodr.load(ROADS / "signals.xodr")
     element = etree.fromstring(f'<TrafficSignalCondition name="{name}"/>')
     return TrafficSignals(network=network).signal(Node(element, Path("carla.xosc")), "name")

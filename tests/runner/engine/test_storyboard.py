@@ -69,7 +69,9 @@ class _Countdown:
 
 
 class Board:
-    """The part of a simulation that storyboard elements talk to, with one story, act, group and maneuver."""
+    """The part of a simulation that storyboard elements talk to, with one story,
+    act, group and maneuver.
+    """
 
     def __init__(self, group_maximum: int = 1) -> None:
         self.step = 0

@@ -1,4 +1,6 @@
-"""SUMO as the world: what its traffic sees, how its driver drives the ego, and that it leaves nothing behind."""
+"""SUMO as the world: what its traffic sees, how its driver drives the ego, and
+that it leaves nothing behind.
+"""
 
 from __future__ import annotations
 
@@ -31,14 +33,18 @@ from xodr.builders import four_way_intersection
 LINEAR = 'dynamicsShape="linear" dynamicsDimension="time" value="3"'
 LANE_CHANGE = (
     f"<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics {LINEAR}/>"
-    '<LaneChangeTarget><AbsoluteTargetLane value="-2"/></LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>'
+    "<LaneChangeTarget><AbsoluteTargetLane "
+    'value="-2"/></LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>'
 )
 
 
 def controller(longitudinal: bool, lateral: bool) -> str:
     """A PrivateAction that activates or deactivates the controller in both domains."""
     domains = f'longitudinal="{str(longitudinal).lower()}" lateral="{str(lateral).lower()}"'
-    return f"<PrivateAction><ControllerAction><ActivateControllerAction {domains}/></ControllerAction></PrivateAction>"
+    return (
+        "<PrivateAction><ControllerAction><ActivateControllerAction "
+        f"{domains}/></ControllerAction></PrivateAction>"
+    )
 
 
 def teleport(s: float) -> str:
@@ -49,7 +55,10 @@ def teleport(s: float) -> str:
 
 def visibility(traffic: str) -> str:
     """A PrivateAction that hides its actor from traffic, or shows it."""
-    return f'<PrivateAction><VisibilityAction graphics="true" sensors="true" traffic="{traffic}"/></PrivateAction>'
+    return (
+        '<PrivateAction><VisibilityAction graphics="true" sensors="true" '
+        f'traffic="{traffic}"/></PrivateAction>'
+    )
 
 
 def run(
@@ -242,7 +251,9 @@ def lights(tmp_path_factory: pytest.TempPathFactory) -> xodr.RoadNetwork:
 
 
 def handed_over(network: xodr.RoadNetwork, steps: list[Shown], begins: int | None) -> list[Any]:
-    """How SUMO drives the first participant after these steps, with SUMO begun before one of them, or when it has to."""
+    """How SUMO drives the first participant after these steps, with SUMO begun
+    before one of them, or when it has to.
+    """
     poses = [
         network.pose(xodr.RoadPoint("1", s, network.road("1").lane_t(s, 1), 1, 0.0))
         for s in (80.0, 60.0)
@@ -592,15 +603,19 @@ def test_a_world_without_drivers_refuses_the_system(tmp_path: Path) -> None:
 
 
 def crossing(folder: Path, *privates: str, route_to: str = "") -> runner.RunResult:
-    """Run on an intersection whose arms 1 to 4 lie east, north, west and south; the Ego comes from the east."""
+    """Run on an intersection whose arms 1 to 4 lie east, north, west and south;
+    the Ego comes from the east.
+    """
     four_way_intersection(arm=150.0).write(folder / "crossing.xodr")
     way = "".join(
-        f'<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="{road}" laneId="{lane}" s="100"/></Position>'
+        f'<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="{road}" '
+        f'laneId="{lane}" s="100"/></Position>'
         "</Waypoint>"
         for road, lane in (("1", 1), (route_to, -1))
     )
     assign = (
-        f'<PrivateAction><RoutingAction><AssignRouteAction><Route name="way" closed="false">{way}</Route></AssignRouteAction>'
+        '<PrivateAction><RoutingAction><AssignRouteAction><Route name="way" '
+        f'closed="false">{way}</Route></AssignRouteAction>'
         "</RoutingAction></PrivateAction>"
     )
     init = place("Ego", 140, 10, lane=1, more=assign if route_to else "") + "".join(privates)

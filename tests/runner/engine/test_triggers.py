@@ -1,4 +1,6 @@
-"""Triggers: edges, delays, groups, and the entities that trigger, with conditions that play a script."""
+"""Triggers: edges, delays, groups, and the entities that trigger, with
+conditions that play a script.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +113,9 @@ def test_conditions_of_a_group_must_all_be_true_and_one_group_suffices() -> None
 
 
 def test_an_edge_is_not_lost_while_another_condition_is_false() -> None:
-    """The second condition is evaluated although the first is false: what comes at step 3 is no edge any more."""
+    """The second condition is evaluated although the first is false: what comes
+    at step 3 is no edge any more.
+    """
     assert play(Trigger([[timed("0001"), timed("0111", "rising")]]), 4) == "0000"
     assert play(Trigger([[timed("0011"), timed("0001", "rising")]]), 4) == "0001"
 
@@ -216,6 +220,7 @@ def test_an_empty_trigger_is_none_at_all(xml: str) -> None:
 def test_wrong_delays_and_edges_are_refused_with_the_line(attributes: str) -> None:
     with pytest.raises(InvalidFile) as refused:
         read(
-            f'<StartTrigger>\n<ConditionGroup>\n<Condition name="c" {attributes}/>\n</ConditionGroup>\n</StartTrigger>'
+            '<StartTrigger>\n<ConditionGroup>\n<Condition name="c" '
+            f"{attributes}/>\n</ConditionGroup>\n</StartTrigger>"
         )
     assert refused.value.line == 3

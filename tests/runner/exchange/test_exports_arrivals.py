@@ -1,4 +1,6 @@
-"""What exports take from roads and runs: targets before steady states, distances of time 0, states when actions begin."""
+"""What exports take from roads and runs: targets before steady states, distances
+of time 0, states when actions begin.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def on_lane(lane: int, s: float) -> str:
 def synchronise(final: str, attributes: str = "") -> str:
     """A PrivateAction: Lead is to be at s=120 when Ego is at s=140."""
     return f"""<PrivateAction><SynchronizeAction masterEntityRef="Ego" {attributes}>
-        <TargetPositionMaster>{on_lane(-1, 140)}</TargetPositionMaster><TargetPosition>{on_lane(-2, 120)}</TargetPosition>
+        <TargetPositionMaster>{on_lane(-1, 140)}</TargetPositionMaster><TargetPosition>{
+        on_lane(-2, 120)
+    }</TargetPosition>
         <FinalSpeed>{final}</FinalSpeed></SynchronizeAction></PrivateAction>"""
 
 
@@ -57,7 +61,8 @@ def refusal(path: Path, target: str, folder: Path) -> str:
         ('<AbsoluteSpeed value="6"><TargetDistanceSteadyState distance="15"/></AbsoluteSpeed>', ""),
         ('<AbsoluteSpeed value="6"><TargetTimeSteadyState time="2"/></AbsoluteSpeed>', ""),
         (
-            '<RelativeSpeedToMaster value="-3" speedTargetValueType="delta"><TargetDistanceSteadyState distance="14"/>'
+            '<RelativeSpeedToMaster value="-3" '
+            'speedTargetValueType="delta"><TargetDistanceSteadyState distance="14"/>'
             "</RelativeSpeedToMaster>",
             "",
         ),
@@ -135,7 +140,9 @@ def test_a_lane_change_to_the_own_lane_is_left_out_for_carla(tmp_path: Path) -> 
 
 
 def after_the_first(path: Path, time: float, delay: float, kind: str = "Event") -> Path:
-    """The scenario, in which what has begun at a time begins at the end of the first event (or what it is part of)."""
+    """The scenario, in which what has begun at a time begins at the end of the
+    first event (or what it is part of).
+    """
     first = next(xosc.load(path).node.iter(kind)).get("name")
     ended = f"""<ConditionGroup><Condition name="after" delay="{delay}" conditionEdge="none"><ByValueCondition>
         <StoryboardElementStateCondition storyboardElementType="{kind.lower()}" storyboardElementRef="{first}"
@@ -199,7 +206,8 @@ def test_distances_among_others_than_the_ego_are_ways_for_carla(how: str, tmp_pa
         "LongitudinalDistanceAction: written as the way that Third takes" in remark
         for remark in remarks
     )
-    # Third jumps to its distance: a trajectory does at the instant of its start, the action a step later
+    # Third jumps to its distance: a trajectory does at the instant of its
+    # start, the action a step later
     assert stops_at(xosc.load(copy).root) == [] and distance(path, copy, but=1.0) < CLOSE
     path.write_text(
         path.read_text("utf-8").replace('entityRef="Lead" freespace', 'entityRef="Ego" freespace'),

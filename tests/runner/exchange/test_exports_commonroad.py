@@ -1,4 +1,6 @@
-"""CommonRoad scenarios: read back by this project's own reader (by commonroad-io in tests/readers)."""
+"""CommonRoad scenarios: read back by this project's own reader (by commonroad-io
+in tests/readers).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The matrix of documents: each target declares the fate of each field, and what it keeps is read back.
+"""The matrix of documents: each target declares the fate of each field, and what
+it keeps is read back.
 
 Each field is exported in a scenario of its own: a target may refuse one.
 """

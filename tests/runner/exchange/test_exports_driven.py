@@ -1,4 +1,6 @@
-"""Exports for CARLA of what its scenario_runner has no word for: ways that a run shows, and then the same motion."""
+"""Exports for CARLA of what its scenario_runner has no word for: ways that a run
+shows, and then the same motion.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,10 @@ WHERE = '<RelativeLanePosition entityRef="Ego" dLane="{}" ds="{}"/>'
 def lane_change(lane: int, dynamics: str = BY_TIME, offset: float = 0.0) -> str:
     """A PrivateAction."""
     return (
-        f'<PrivateAction><LateralAction><LaneChangeAction targetLaneOffset="{offset}"><LaneChangeActionDynamics {dynamics}/>'
-        f'<LaneChangeTarget><AbsoluteTargetLane value="{lane}"/></LaneChangeTarget></LaneChangeAction></LateralAction>'
+        "<PrivateAction><LateralAction><LaneChangeAction "
+        f'targetLaneOffset="{offset}"><LaneChangeActionDynamics {dynamics}/>'
+        "<LaneChangeTarget><AbsoluteTargetLane "
+        f'value="{lane}"/></LaneChangeTarget></LaneChangeAction></LateralAction>'
         "</PrivateAction>"
     )
 
@@ -31,9 +35,12 @@ def lane_change(lane: int, dynamics: str = BY_TIME, offset: float = 0.0) -> str:
 def trajectory(vertices: str, time: str = "<None/>", offset: float = 0.0) -> str:
     """A PrivateAction that follows a polyline."""
     return (
-        f'<PrivateAction><RoutingAction><FollowTrajectoryAction initialDistanceOffset="{offset}"><TrajectoryRef>'
-        f'<Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>'
-        f'<TimeReference>{time}</TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction>'
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction "
+        f'initialDistanceOffset="{offset}"><TrajectoryRef>'
+        '<Trajectory name="t" '
+        f'closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>'
+        f"<TimeReference>{time}</TimeReference><TrajectoryFollowingMode "
+        'followingMode="position"/></FollowTrajectoryAction>'
         "</RoutingAction></PrivateAction>"
     )
 
@@ -53,7 +60,8 @@ TIMING = '<Timing domainAbsoluteRelative="{}" scale="1" offset="0"/>'
 WAYS = {
     "into oncoming traffic and back": [(0.5, lane_change(1)), (4.0, lane_change(-1))],
     "beside the middle of a lane": [(0.5, lane_change(-2, offset=0.5))],
-    "positions relative to others": [(0.5, trajectory(vertex(WHERE.format(0, 50)) + vertex(WHERE.format(0, 90))))],
+    "positions relative to others": [(0.5,
+        trajectory(vertex(WHERE.format(0, 50)) + vertex(WHERE.format(0, 90))))],
     "times of the scenario": [(1.0, trajectory(PLACES, TIMING.format("absolute")))],
     "begun inside, with times": [(0.5, trajectory(PLACES, TIMING.format("relative"), offset=20.0))],
 }  # fmt: skip
@@ -82,7 +90,8 @@ def test_a_lane_change_by_rate_for_carla_takes_the_distance_that_it_has_in_a_run
 
 
 def test_a_lane_change_on_left_hand_roads_counts_to_the_driver_s_left(tmp_path: Path) -> None:
-    path = scenario(tmp_path, init=place("Ego", 100, 20, 1) + place("Lead", 150, 10, 1), road="straight_lht",
+    path = scenario(tmp_path, init=place("Ego", 100, 20, 1) + place("Lead", 150, 10, 1),
+        road="straight_lht",
                     stories=story("Lead", [(0.5, lane_change(2))]), stop=8.0)  # fmt: skip
     copy, _ = exported(path, "carla", tmp_path / "out")
     (target,) = xosc.load(copy).root.iter("RelativeTargetLane")
@@ -99,8 +108,10 @@ def test_stories_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
 
 
 AWAITED = (
-    '<ConditionGroup><Condition name="then" delay="0" conditionEdge="none"><ByValueCondition><StoryboardElementStateCondition '
-    'storyboardElementType="action" storyboardElementRef="action0" state="completeState"/></ByValueCondition></Condition>'
+    '<ConditionGroup><Condition name="then" delay="0" '
+    'conditionEdge="none"><ByValueCondition><StoryboardElementStateCondition '
+    'storyboardElementType="action" storyboardElementRef="action0" '
+    'state="completeState"/></ByValueCondition></Condition>'
     "</ConditionGroup>"
 )
 REFUSED = {
@@ -168,9 +179,11 @@ def test_a_headway_ahead_is_one_along_the_route(
         '<SimulationTimeCondition value="1.0" rule="greaterOrEqual"/>',
     )
     headway = (
-        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/></TriggeringEntities>'
         '<EntityCondition><TimeHeadwayCondition entityRef="Lead" value="1.5" freespace="false" '
-        f'coordinateSystem="{system}" relativeDistanceType="longitudinal" rule="lessThan"/></EntityCondition></ByEntityCondition>'
+        f'coordinateSystem="{system}" relativeDistanceType="longitudinal" '
+        'rule="lessThan"/></EntityCondition></ByEntityCondition>'
     )
     assert time in text
     path.write_text(
@@ -205,11 +218,15 @@ def test_a_lane_change_of_the_beginning_into_oncoming_traffic_is_a_way_from_ther
 
 
 def test_a_route_that_another_one_ends_is_the_way_until_there_for_carla(tmp_path: Path) -> None:
-    point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="{}" s="{}"/></Position></Waypoint>'
+    point = (
+        '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="{}" '
+        's="{}"/></Position></Waypoint>'
+    )
     route = f'<Route name="r" closed="false">{point.format(-1, 160)}{point.format(-2, 300)}</Route>'
     assign = f"<PrivateAction><RoutingAction><AssignRouteAction>{route}</AssignRouteAction></RoutingAction></PrivateAction>"
     acquire = (
-        '<PrivateAction><RoutingAction><AcquirePositionAction><Position><LanePosition roadId="1" laneId="-1" s="400"/></Position>'
+        '<PrivateAction><RoutingAction><AcquirePositionAction><Position><LanePosition roadId="1" '
+        'laneId="-1" s="400"/></Position>'
         "</AcquirePositionAction></RoutingAction></PrivateAction>"
     )
     path = scenario(tmp_path, stories=story("Lead", [(0.5, assign), (3.0, acquire)]), stop=7.0)

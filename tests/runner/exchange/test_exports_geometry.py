@@ -1,4 +1,6 @@
-"""Exports of documents that need the roads: routes and trajectories, first positions, what then moves as before."""
+"""Exports of documents that need the roads: routes and trajectories, first
+positions, what then moves as before.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ SCENARIOS = Path(__file__).parents[2] / "conformance" / "scenarios"
 LIBRARY = Path(xosc.__file__).parent / "library"
 SETTINGS = RunSettings(world="kinematic", sut="none", max_time=15.0)
 CLOSE = 0.2
-"""m: lane changes by distance instead of time, and the runner's steps along bends, make that much"""
+"""m: lane changes by distance instead of time, and the runner's steps along
+bends, make that much
+"""
 
 
 def exported(path: Path, target: str, folder: Path) -> tuple[Path, list[str]]:
@@ -33,7 +37,9 @@ def exported(path: Path, target: str, folder: Path) -> tuple[Path, list[str]]:
 
 
 def distance(path: Path, copy: Path, but: float = -1.0) -> float:
-    """The greatest distance (m) between the same participants at the same times, but for one (s), until the original ends."""
+    """The greatest distance (m) between the same participants at the same times,
+    but for one (s), until the original ends.
+    """
     tracks, others = (runner.run(each, SETTINGS).recording.tracks for each in (path, copy))
     greatest = 0.0
     for name, track in tracks.items():
@@ -61,14 +67,20 @@ def test_routes_for_carla_are_trajectories_that_lead_the_same_way(
     root = xosc.load(copy).root
     assert any("written as a trajectory" in remark for remark in remarks)
     assert not list(root.iter("AssignRouteAction")) and stops_at(root) == []
-    controlled = {each.getparent().getparent().getparent().getparent().get("entityRef") for each in root.iter("Controller")
-                  if each.find("Properties/Property[@value='simple_vehicle_control']") is not None}  # fmt: skip
+    controlled = {
+        each.getparent().getparent().getparent().getparent().get("entityRef")
+        for each in root.iter("Controller")
+        if each.find("Properties/Property[@value='simple_vehicle_control']") is not None
+    }
     assert controlled, "its default controller drives by the times of all trajectories"
     assert distance(path, copy) < CLOSE
 
 
 def test_a_route_that_the_lanes_lead_anyway_is_left_out_for_carla(tmp_path: Path) -> None:
-    point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="{}"/></Position></Waypoint>'
+    point = (
+        '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" '
+        's="{}"/></Position></Waypoint>'
+    )
     route = f'<Route name="r" closed="false">{point.format(110)}{point.format(300)}</Route>'
     assign = f"<PrivateAction><RoutingAction><AssignRouteAction>{route}</AssignRouteAction></RoutingAction></PrivateAction>"
     path = scenario(tmp_path, stories=story("Lead", [(0.5, assign), (1.0, speed_action(5))]))
@@ -98,16 +110,23 @@ def test_a_route_is_refused_for_carla_where_another_action_would_end_its_traject
 
 
 INITS = {
-    "relative speed": '<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics dynamicsShape="step" value="0" '
-    'dynamicsDimension="time"/><SpeedActionTarget><RelativeTargetSpeed entityRef="Ego" value="-5" speedTargetValueType="delta" '
+    "relative speed": '<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics '
+                      'dynamicsShape="step" value="0" '
+    'dynamicsDimension="time"/><SpeedActionTarget><RelativeTargetSpeed entityRef="Ego" value="-5" '
+    'speedTargetValueType="delta" '
     'continuous="false"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>',
     "gradual speed": speed_action(15, 'dynamicsShape="linear" dynamicsDimension="time" value="2"'),
-    "lane change": '<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics dynamicsShape="linear" value="20" '
-    'dynamicsDimension="distance"/><LaneChangeTarget><AbsoluteTargetLane value="-2"/></LaneChangeTarget></LaneChangeAction>'
+    "lane change": '<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics '
+                   'dynamicsShape="linear" value="20" '
+    'dynamicsDimension="distance"/><LaneChangeTarget><AbsoluteTargetLane '
+    'value="-2"/></LaneChangeTarget></LaneChangeAction>'
     "</LateralAction></PrivateAction>",
-    "distance": '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" distance="30" freespace="true" '
-    'continuous="false" displacement="leadingReferencedEntity"/></LongitudinalAction></PrivateAction>',
-    "controller": '<PrivateAction><ControllerAction><ActivateControllerAction lateral="0"/></ControllerAction></PrivateAction>',
+    "distance": '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" '
+                'distance="30" freespace="true" '
+    'continuous="false" '
+    'displacement="leadingReferencedEntity"/></LongitudinalAction></PrivateAction>',
+    "controller": ('<PrivateAction><ControllerAction><ActivateControllerAction '
+                  'lateral="0"/></ControllerAction></PrivateAction>'),
 }  # fmt: skip
 
 
@@ -133,8 +152,11 @@ def test_first_actions_for_carla_are_what_it_reads(kind: str, tmp_path: Path) ->
 def test_rates_for_carla_become_the_times_that_they_take_from_what_was_demanded_before(
     tmp_path: Path,
 ) -> None:
-    relative = speed_action(0).replace('<AbsoluteTargetSpeed value="0"/>', '<RelativeTargetSpeed entityRef="Ego" value="-4" '
-                                       'speedTargetValueType="delta" continuous="false"/>')  # fmt: skip
+    relative = speed_action(0).replace(
+        '<AbsoluteTargetSpeed value="0"/>',
+        '<RelativeTargetSpeed entityRef="Ego" value="-4" '
+        'speedTargetValueType="delta" continuous="false"/>',
+    )
     by_rate = 'dynamicsShape="linear" dynamicsDimension="rate" value="{}"'
     events = [(0.5, speed_action(14, by_rate.format(4))), (3.0, relative.replace(
         'dynamicsShape="step" dynamicsDimension="time" value="0"', by_rate.format(2)))]  # fmt: skip
@@ -149,13 +171,17 @@ def test_rates_for_carla_become_the_times_that_they_take_from_what_was_demanded_
 
 POSITIONS = [
     '<LanePosition roadId="1" laneId="-1" s="150" offset="0.4"/>',
-    '<LanePosition roadId="1" laneId="-1" s="150"><Orientation type="absolute" h="0.2"/></LanePosition>',
+    ('<LanePosition roadId="1" laneId="-1" s="150"><Orientation type="absolute" '
+    'h="0.2"/></LanePosition>'),
     '<RelativeObjectPosition entityRef="Ego" dx="50" dy="0.5"/>',
     '<RelativeLanePosition entityRef="Ego" dLane="-1" ds="50" offset="0.3"/>',
     '<RoutePosition><RouteRef><Route name="r" closed="false">'
-    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="10"/></Position></Waypoint>'
-    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="300"/></Position></Waypoint>'
-    '</Route></RouteRef><InRoutePosition><FromLaneCoordinates pathS="140" laneId="-1"/></InRoutePosition></RoutePosition>',
+    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" '
+    's="10"/></Position></Waypoint>'
+    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" '
+    's="300"/></Position></Waypoint>'
+    '</Route></RouteRef><InRoutePosition><FromLaneCoordinates pathS="140" '
+    'laneId="-1"/></InRoutePosition></RoutePosition>',
 ]  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""The matrix of exports: each target of runs declares the fate of each field, and each field that it keeps is read back.
+"""The matrix of exports: each target of runs declares the fate of each field,
+and each field that it keeps is read back.
 
 Readers are packages of others where they are installed with this project (OSI's own, sumolib,
 pyarrow), else the plain content of the file; tests/readers lets more packages read the same.
@@ -143,7 +144,9 @@ def original(result: runner.RunResult) -> Read:
 
 
 def check_lines(network: xodr.RoadNetwork, lines: list[np.ndarray], what: str) -> None:
-    """Each border of each lane runs along one of the lines, in the plane or in height; lane heights: those of raised lanes."""
+    """Each border of each lane runs along one of the lines, in the plane or in height; lane
+    heights: those of raised lanes.
+    """
     for (_, lane_id), (road, lane) in lanes_of(network).items():
         raised = 0.15 if lane.type == "sidewalk" else 0.0
         if (what == "lane heights") != bool(raised):
@@ -224,9 +227,11 @@ def read_osi(result: runner.RunResult, folder: Path) -> Read:
     poses = {name: np.array([_reference(each) for each in rows]) for name, rows in things.items()}
     heads = {name: rows[0] for name, rows in things.items()}
     logical = {each.id.value: each for each in first.logical_lane}
-    keys = {number: (each.source_reference[0].identifier[0], int(each.source_reference[0].identifier[2])) for number, each in
+    keys = {number: (each.source_reference[0].identifier[0],
+        int(each.source_reference[0].identifier[2])) for number, each in
             logical.items()}  # fmt: skip
-    physical = {ref.physical_lane_id.value: keys[number] for number, each in logical.items() for ref in
+    physical = {ref.physical_lane_id.value: keys[number] for number,
+        each in logical.items() for ref in
                 each.physical_lane_reference}  # fmt: skip
     transformer = pyproj.Transformer.from_crs(
         "EPSG:4326", pyproj.CRS(first.proj_string), always_xy=True
@@ -239,10 +244,12 @@ def read_osi(result: runner.RunResult, folder: Path) -> Read:
         "name": list(names.values()),
         "kind": {name: {each.TYPE_VEHICLE: "vehicle"}[each.type] for name, each in heads.items()},
         "role": {name: enum(each.vehicle_classification.role).removeprefix("ROLE_").lower() for name, each in heads.items()},
-        "length and width": {name: [each.base.dimension.length, each.base.dimension.width] for name, each in heads.items()},
+        "length and width": {name: [each.base.dimension.length, each.base.dimension.width] for name,
+            each in heads.items()},
         "height of the box": {name: each.base.dimension.height for name, each in heads.items()},
         "box about the reference point": {
-            name: [-getattr(each.vehicle_attributes.bbcenter_to_rear, axis) for axis in "xyz"] for name, each in heads.items()
+            name: [-getattr(each.vehicle_attributes.bbcenter_to_rear,
+                axis) for axis in "xyz"] for name, each in heads.items()
         },
         "front axle": {
             name: each.vehicle_attributes.bbcenter_to_front.x - each.vehicle_attributes.bbcenter_to_rear.x
@@ -255,9 +262,11 @@ def read_osi(result: runner.RunResult, folder: Path) -> Read:
             field: {name: rows[:, column : column + 1] for name, rows in poses.items()}
             for field, column in (("height", 2), ("heading", 3), ("pitch", 4), ("roll", 5))
         },
-        "projection": transformer.transform(offset.position.x, offset.position.y, direction="INVERSE")[::-1],
+        "projection": transformer.transform(offset.position.x, offset.position.y,
+            direction="INVERSE")[::-1],
         "offset": [offset.position.x, offset.position.y, offset.position.z, offset.yaw],
-        **_on_lines([np.array([[p.position.x, p.position.y, p.position.z] for p in each.boundary_line]) for each in
+        **_on_lines([np.array([[p.position.x, p.position.y,
+            p.position.z] for p in each.boundary_line]) for each in
                      first.lane_boundary]),
         "lane types": {
             keys[number]: {each.TYPE_NORMAL: "driving", each.TYPE_SIDEWALK: "sidewalk"}[each.type]
@@ -373,11 +382,14 @@ def read_sumo(result: runner.RunResult, folder: Path) -> Read:
     return {
         "name": [params["name"] for _, params in kinds.values()],
         "ego": next(params["name"] for _, params in kinds.values() if params.get("ego") == "true"),
-        **{field: {name: params[field] for name, (_, params) in kinds.items()} for field in ("kind", "category", "role")},
-        "length and width": {name: [float(kind.get("length")), float(kind.get("width"))] for name, (kind, _) in kinds.items()},
+        **{field: {name: params[field] for name, (_, params) in kinds.items()} for field in ("kind",
+            "category", "role")},
+        "length and width": {name: [float(kind.get("length")), float(kind.get("width"))] for name,
+            (kind, _) in kinds.items()},
         "height of the box": {name: float(kind.get("height")) for name, (kind, _) in kinds.items()},
         "box about the reference point": {
-            name: [float(params[f"box_{axis}"]) for axis in "xyz"] for name, (_, params) in kinds.items()
+            name: [float(params[f"box_{axis}"]) for axis in "xyz"] for name,
+            (_, params) in kinds.items()
         },
         "front axle": {name: float(params["front_axle"]) for name, (_, params) in kinds.items()},
         "mass": {name: float(kind.get("mass")) for name, (kind, _) in kinds.items()},
@@ -386,13 +398,15 @@ def read_sumo(result: runner.RunResult, folder: Path) -> Read:
         "height": {name: values[:, 2:] for name, values in points.items()},
         "heading": heading,
         "pitch": pitch,
-        "acceleration": {name: [[float(row.acceleration)] for row in each] for name, each in rows.items()},
+        "acceleration": {name: [[float(row.acceleration)] for row in each] for name,
+            each in rows.items()},
         "projection": net.convertXY2LonLat(0.0, 0.0)[::-1],
         "road heights": heights,
         "lane heights": heights,
         "lane types": _types(folder / "matrix.net.xml"),
         "speed limits": {
-            key: lane.getSpeed() for lane, key in keys.items() if limit(result.recording.network.road(key[0]), key[1])
+            key: lane.getSpeed() for lane,
+            key in keys.items() if limit(result.recording.network.road(key[0]), key[1])
         },
         "lane links": {
             (keys[lane], keys[link.getToLane()]) for lane in keys for link in lane.getOutgoing()
@@ -450,22 +464,26 @@ def read_commonroad(result: runner.RunResult, folder: Path) -> Read:
     others = [name for name in result.recording.tracks if name != result.ego]
     dt = float(root.get("timeStepSize"))
     driven = dict(zip(others, [obstacle], strict=True))
-    size = {name: [float(each.findtext(f"shape/rectangle/{side}")) for side in ("length", "width")] for name, each in
+    size = {name: [float(each.findtext(f"shape/rectangle/{side}")) for side in ("length",
+        "width")] for name, each in
             driven.items()}  # fmt: skip
     goal = problem.find("goalState/position/rectangle")
     start = [float(problem.findtext(f"initialState/position/point/{axis}")) for axis in "xy"]
     centre = box_centre(result.recording.tracks[result.ego])[0, :2]
     return {
-        "length and width": {result.ego: [float(goal.findtext(side)) for side in ("length", "width")], **size},
+        "length and width": {result.ego: [float(goal.findtext(side)) for side in ("length",
+            "width")], **size},
         "ego": result.ego if np.allclose(start, centre, atol=1e-4) else None,
         "time": [dt * time for (time,) in exact("time")],
         "heading": {"Other": exact("orientation")},
         "speed": {"Other": exact("velocity")},
         "acceleration": {"Other": exact("acceleration")},
         "projection": [float(place.findtext("gpsLatitude")), float(place.findtext("gpsLongitude"))],
-        "offset": [float(more.findtext("xTranslation")), float(more.findtext("yTranslation")), 500.0,
+        "offset": [float(more.findtext("xTranslation")), float(more.findtext("yTranslation")),
+            500.0,
                    float(more.findtext("zRotation"))],
-        **_on_lines([_bound(each, side) for each in lanelets.values() for side in ("leftBound", "rightBound")]),
+        **_on_lines([_bound(each, side) for each in lanelets.values() for side in ("leftBound",
+            "rightBound")]),
         "speed limits": {
             keys[number]: limits[ref.get("ref")]
             for number, each in lanelets.items()
@@ -473,7 +491,8 @@ def read_commonroad(result: runner.RunResult, folder: Path) -> Read:
             if ref.get("ref") in limits
         },
         "lane links": {
-            (keys[number], keys[ref.get("ref")]) for number, each in lanelets.items() for ref in each.iter("successor")
+            (keys[number], keys[ref.get("ref")]) for number,
+            each in lanelets.items() for ref in each.iter("successor")
         },
         "neighbours": {
             (keys[number], keys[ref.get("ref")])
@@ -483,7 +502,8 @@ def read_commonroad(result: runner.RunResult, folder: Path) -> Read:
         },
         "traffic lights": [
             "7", *(float(light.findtext(f"position/point/{axis}")) for axis in "xy"),
-            sorted(keys[number] for number, each in lanelets.items() if each.find("trafficLightRef") is not None),
+            sorted(keys[number] for number,
+                each in lanelets.items() if each.find("trafficLightRef") is not None),
         ],
         "light states": shown,
     }  # fmt: skip
@@ -551,9 +571,11 @@ def read_openlabel(result: runner.RunResult, folder: Path) -> Read:
         "time": [frame["frame_properties"]["timestamp"] for frame in frames],
         "position": {name: each[:, :2] for name, each in points.items()},
         "height": {name: each[:, 2:] for name, each in points.items()},
-        **{field: {name: each[:, column : column + 1] for name, each in boxes.items()} for field, column in
+        **{field: {name: each[:, column : column + 1] for name, each in boxes.items()} for field,
+            column in
            (("heading", 5), ("pitch", 4), ("roll", 3))},
-        **{field: {name: [[value(row, "num", field)] for row in each] for name, each in rows.items()} for field in
+        **{field: {name: [[value(row, "num", field)] for row in each] for name,
+            each in rows.items()} for field in
            ("speed", "acceleration")},
         "lights": lights,
         "place on the road": {
@@ -564,12 +586,15 @@ def read_openlabel(result: runner.RunResult, folder: Path) -> Read:
             for name, each in rows.items()
         },
         "events": [
-            (value(each["event_data"], "num", "time"), each["type"], each["name"], value(each["event_data"], "text", "text"))
+            (value(each["event_data"], "num", "time"), each["type"], each["name"],
+                value(each["event_data"], "text", "text"))
             for each in content["events"].values()
         ],
         "verdict": value(content["contexts"]["0"]["context_data"], "text", "verdict"),
-        "criticality": np.array([value(frame["contexts"]["0"]["context_data"], "num", "distance") for frame in frames]),
-        "tags": sorted((each["type"], str(each["tag_data"]["text"][0]["val"])) for each in content["tags"].values()),
+        "criticality": np.array([value(frame["contexts"]["0"]["context_data"], "num",
+            "distance") for frame in frames]),
+        "tags": sorted((each["type"],
+            str(each["tag_data"]["text"][0]["val"])) for each in content["tags"].values()),
         "projection": transformer.transform(*world["translation"][:2], direction="INVERSE")[::-1],
         "offset": [*world["translation"], world["euler_angles"][0]],
     }  # fmt: skip
@@ -605,19 +630,24 @@ def read_parquet(result: runner.RunResult, folder: Path) -> Read:
     lanes = lanes_of(network)
     return {
         "name": list(who),
-        **{field: {name: row[field] for name, row in who.items()} for field in ("kind", "category", "role", "mass")},
-        "length and width": {name: [row["box_length"], row["box_width"]] for name, row in who.items()},
+        **{field: {name: row[field] for name, row in who.items()} for field in ("kind", "category",
+            "role", "mass")},
+        "length and width": {name: [row["box_length"], row["box_width"]] for name,
+            row in who.items()},
         "height of the box": {name: row["box_height"] for name, row in who.items()},
-        "box about the reference point": {name: [row[f"box_{axis}"] for axis in "xyz"] for name, row in who.items()},
+        "box about the reference point": {name: [row[f"box_{axis}"] for axis in "xyz"] for name,
+            row in who.items()},
         "front axle": {name: row["front_axle"] for name, row in who.items()},
         "ego": next(name for name, row in who.items() if row["ego"]),
         "time": times,
         "position": columns("x", "y"),
         **{field: columns(column) for field, column in
-           (("height", "z"), ("heading", "h"), ("pitch", "pitch"), ("roll", "roll"), ("speed", "speed"),
+           (("height", "z"), ("heading", "h"), ("pitch", "pitch"), ("roll", "roll"),
+               ("speed", "speed"),
             ("acceleration", "acceleration"))},
         "place on the road": {
-            name: tuple([row[field] for row in each] for field in ("road_id", "lane_id", "s", "t")) for name, each in of.items()
+            name: tuple([row[field] for row in each] for field in ("road_id", "lane_id", "s",
+                "t")) for name, each in of.items()
         },
         "lights": light_states(log),
         "events": events,
@@ -627,7 +657,8 @@ def read_parquet(result: runner.RunResult, folder: Path) -> Read:
         "projection": GeoReference(network).to_geodetic(0.0, 0.0)[:2],
         "offset": json.loads(about["geo_offset"]),
         "lane types": {key: lane.type for key, (_, lane) in lanes.items()},
-        "light states": [[state for since, state in shown if since <= time + 1e-9][-1] for time in times],
+        "light states": [[state for since,
+            state in shown if since <= time + 1e-9][-1] for time in times],
         **{field: original(result)[field] for field in _OF_ROAD_FILE},
         **dict.fromkeys(("lane borders", "road heights", "lane heights"), _as_there),
     }  # fmt: skip
@@ -644,7 +675,8 @@ _OF_ROAD_FILE = (
 """Fields of a road file: the same bytes have the same ones"""
 
 READERS = {
-    "osi": read_osi, "sumo": read_sumo, "commonroad": read_commonroad, "openlabel": read_openlabel, "parquet": read_parquet,
+    "osi": read_osi, "sumo": read_sumo, "commonroad": read_commonroad, "openlabel": read_openlabel,
+    "parquet": read_parquet,
 }  # fmt: skip
 
 

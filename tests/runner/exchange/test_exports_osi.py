@@ -226,7 +226,8 @@ def test_everyone_is_between_the_boundaries_of_the_lane_that_is_assigned(
 ) -> None:
     for message in osi.ground_truths(result):
         lanes = {lane.id.value: lane.classification for lane in message.lane}
-        lines = {each.id.value: LineString([(p.position.x, p.position.y) for p in each.boundary_line])
+        lines = {each.id.value: LineString([(p.position.x,
+            p.position.y) for p in each.boundary_line])
                  for each in message.lane_boundary}  # fmt: skip
         for each in message.moving_object:
             (assigned,) = each.moving_object_classification.assigned_lane_id
@@ -268,8 +269,14 @@ def test_places_on_logical_lanes_are_those_of_the_world(driven: runner.RunResult
         lanes = {each.id.value: each for each in message.logical_lane}
         lines = {each.id.value: each.poly_line for each in message.reference_line}
         borders = {each.id.value: each.boundary_line for each in message.logical_lane_boundary}
-        assert all(math.dist((a.world_position.x, a.world_position.y), (b.world_position.x, b.world_position.y))
-                   <= b.s_position - a.s_position + 1e-6 for line in lines.values() for a, b in pairwise(line))  # fmt: skip
+        assert all(
+            math.dist(
+                (a.world_position.x, a.world_position.y), (b.world_position.x, b.world_position.y)
+            )
+            <= b.s_position - a.s_position + 1e-6
+            for line in lines.values()
+            for a, b in pairwise(line)
+        )
         for each in message.moving_object:
             for assigned in each.moving_object_classification.logical_lane_assignment:
                 lane, s, t = (
@@ -336,21 +343,32 @@ def middle(points: list[Any]) -> tuple[float, float]:
 
 
 BREAKS = [
-    (lambda m: m.ClearField("host_vehicle_id"), "groundtruth.host_vehicle_id.is_set: host_vehicle_id is not set"),
-    (lambda m: setattr(m.host_vehicle_id, "value", 999), "refers_to: host_vehicle_id 999 is of no MovingObject"),
-    (lambda m: setattr(m.moving_object[1].id, "value", m.moving_object[0].id.value), "is_globally_unique: moving_object 0"),
-    (lambda m: setattr(m.moving_object[0].base.orientation, "yaw", 4.0), "an angle is not from -pi to pi"),
-    (lambda m: m.moving_object[0].base.ClearField("velocity"), "moving_object 0: velocity is not set in full"),
-    (lambda m: setattr(m.moving_object[0].base.position, "x", math.nan), "moving_object 0: position is no number"),
-    (lambda m: setattr(m.moving_object[0].base.dimension, "width", -1.0), "width is -1, >= 0 is expected"),
-    (lambda m: m.moving_object[0].ClearField("vehicle_attributes"), "vehicle_attributes is not set, as type 2 demands"),
+    (lambda m: m.ClearField("host_vehicle_id"),
+        "groundtruth.host_vehicle_id.is_set: host_vehicle_id is not set"),
+    (lambda m: setattr(m.host_vehicle_id, "value", 999),
+        "refers_to: host_vehicle_id 999 is of no MovingObject"),
+    (lambda m: setattr(m.moving_object[1].id, "value", m.moving_object[0].id.value),
+        "is_globally_unique: moving_object 0"),
+    (lambda m: setattr(m.moving_object[0].base.orientation, "yaw", 4.0),
+        "an angle is not from -pi to pi"),
+    (lambda m: m.moving_object[0].base.ClearField("velocity"),
+        "moving_object 0: velocity is not set in full"),
+    (lambda m: setattr(m.moving_object[0].base.position, "x", math.nan),
+        "moving_object 0: position is no number"),
+    (lambda m: setattr(m.moving_object[0].base.dimension, "width", -1.0),
+        "width is -1, >= 0 is expected"),
+    (lambda m: m.moving_object[0].ClearField("vehicle_attributes"),
+        "vehicle_attributes is not set, as type 2 demands"),
     (lambda m: setattr(m.moving_object[0], "type", 0), "moving_object 0: the type is unknown"),
     (lambda m: setattr(m.lane[0].classification, "type", 0), "the type is unknown"),
     (lambda m: setattr(m, "country_code", 1000), "country_code is 1000, 1 to 999 is expected"),
-    (lambda m: m.lane[0].classification.ClearField("left_lane_boundary_id"), "a left and a right boundary"),
-    (lambda m: setattr(m.lane[0].classification.right_lane_boundary_id[0], "value", 999), "the boundary 999 is not in the trace"),
+    (lambda m: m.lane[0].classification.ClearField("left_lane_boundary_id"),
+        "a left and a right boundary"),
+    (lambda m: setattr(m.lane[0].classification.right_lane_boundary_id[0], "value", 999),
+        "the boundary 999 is not in the trace"),
     (lambda m: m.lane[0].classification.ClearField("centerline"), "less than two points"),
-    (lambda m: setattr(m.lane_boundary[0].classification, "color", 0), "the type or colour is unknown"),
+    (lambda m: setattr(m.lane_boundary[0].classification, "color", 0),
+        "the type or colour is unknown"),
     (lambda m: setattr(m.timestamp, "seconds", -1), "seconds is -1, >= 0 is expected"),
     (lambda m: setattr(m.lane[0].id, "value", 0), "is_globally_unique"),
 ]  # fmt: skip

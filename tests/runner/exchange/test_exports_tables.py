@@ -87,7 +87,10 @@ def test_tags_go_round(result: runner.RunResult, tmp_path: Path) -> None:
 
 def test_without_a_file_the_headers_properties_are_the_tags(tmp_path: Path) -> None:
     path = scenario(tmp_path)
-    tagged = '<Properties><Property name="openlabel.cutIn" value="true"/><Property name="openlabel.class" value="a b"/>'
+    tagged = (
+        '<Properties><Property name="openlabel.cutIn" value="true"/><Property '
+        'name="openlabel.class" value="a b"/>'
+    )
     path.write_text(
         path.read_text().replace(
             'description="test"/>', f'description="test">{tagged}</Properties></FileHeader>'

@@ -1,4 +1,6 @@
-"""Traces of ASAM OSI as recordings: what was exported comes back, maps are found, and damaged files are refused in one line."""
+"""Traces of ASAM OSI as recordings: what was exported comes back, maps are
+found, and damaged files are refused in one line.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ def run(name: str, timestep: float = 0.1) -> runner.RunResult:
 
 
 def apart(one: Track, other: Track) -> tuple[float, float]:
-    """Greatest distances of two tracks: of the reference points, or of the boxes' centres for things (m), and of times (s)."""
+    """Greatest distances of two tracks: of the reference points, or of the boxes' centres for
+    things (m), and of times (s).
+    """
     a, b = (
         box_centre(track)
         if one.kind == "miscellaneous"
@@ -147,7 +151,8 @@ def mcap(
     channel: bool = False,
     late: int = 0,
 ) -> Path:
-    """An MCAP file of GroundTruth messages, with a map as an attachment or in a channel as omega-prime has it.
+    """An MCAP file of GroundTruth messages, with a map as an attachment or in a
+    channel as omega-prime has it.
 
     Args:
         late: by how much publish times are behind timestamps, ns.
@@ -218,7 +223,10 @@ def test_a_map_inside_the_trace_is_its_road(
     made = road_of(path, read(path), tmp_path / "roads")
     assert made is not None and made.path.read_bytes() == content
     assert made.notes == (
-        f"the road is the one in the trace's {'channel' if channel else 'attachment'} {'road' if channel else 'road.xodr'!r}",
+        (
+            f"the road is the one in the trace's {'channel' if channel else 'attachment'} "
+            f"{'road' if channel else 'road.xodr'!r}"
+        ),
     )
 
 

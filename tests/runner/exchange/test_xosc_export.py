@@ -30,7 +30,10 @@ def export(result, name, folder):
 """
 """A target of runs, as a file of its own"""
 
-CONTROLLER = '<AssignControllerAction><Controller name="own"><Properties/></Controller></AssignControllerAction>'
+CONTROLLER = (
+    "<AssignControllerAction><Controller "
+    'name="own"><Properties/></Controller></AssignControllerAction>'
+)
 
 
 @pytest.fixture

@@ -1,4 +1,6 @@
-"""Assessments: criteria of protocols, points that add up to the protocol's, tables as HTML and CSV."""
+"""Assessments: criteria of protocols, points that add up to the protocol's,
+tables as HTML and CSV.
+"""
 
 from __future__ import annotations
 
@@ -165,7 +167,9 @@ def test_a_contact_after_a_late_cut_in_is_no_failure(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def assessed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Output folder of four CCRs tests, of which those at 50 km/h collide, and of a scenario of no test."""
+    """Output folder of four CCRs tests, of which those at 50 km/h collide, and
+    of a scenario of no test.
+    """
     folder = tmp_path_factory.mktemp("assessed")
     values = {SPEED: 50.0, "Overlap": 100.0, "Gap": 30.0}
     init = place("Ego", 100, "${$Ego_speed_kph / 3.6}") + place(
@@ -233,7 +237,8 @@ def test_the_page_tells_points_with_what_is_open_and_its_files(
             hashlib.sha256((assessed.parent / "straight.xodr").read_bytes()).hexdigest() in digests
         )
         page.run(
-            "(s => { s.value = 'not met'; s.dispatchEvent(new Event('change')); })(document.querySelectorAll('select')[1])"
+            "(s => { s.value = 'not met'; s.dispatchEvent(new Event('change')); "
+            "})(document.querySelectorAll('select')[1])"
         )
         assert page.run("document.querySelectorAll('.runs tbody tr').length") == 2
 

@@ -277,7 +277,9 @@ def test_box_distance_is_that_of_the_outlines(x: float, y: float, h: float, turn
 
 
 def test_post_encroachment_time_of_crossing_paths() -> None:
-    """The ego's rear leaves the 2 m wide path at x = 11 after 1.2 s; the other's front enters y = −1 after 4.5 s."""
+    """The ego's rear leaves the 2 m wide path at x = 11 after 1.2 s; the other's
+    front enters y = −1 after 4.5 s.
+    """
     ego = motion("Ego", 0.0, 10.0)
     other = motion("Other", 10.0, 10.0, y=-50.0, h=math.pi / 2)
     found = post_encroachment_time(ego, [other])

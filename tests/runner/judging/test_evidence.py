@@ -1,4 +1,6 @@
-"""A pass is earned: runs in which nothing was tested are inconclusive, by the evidence that they lack."""
+"""A pass is earned: runs in which nothing was tested are inconclusive, by the
+evidence that they lack.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,10 @@ def values(path: Path, settings: runner.RunSettings = QUICK, **more: Any) -> dic
 
 
 def delete(name: str) -> str:
-    return f'<GlobalAction><EntityAction entityRef="{name}"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    return (
+        "<GlobalAction><EntityAction "
+        f'entityRef="{name}"><DeleteEntityAction/></EntityAction></GlobalAction>'
+    )
 
 
 def teleport(s: float) -> str:
@@ -76,15 +81,20 @@ def activate(longitudinal: str, lateral: str) -> str:
 
 HELD = (
     '<PrivateAction><ControllerAction><OverrideControllerValueAction><Brake active="true">'
-    '<BrakePercent value="1"/></Brake></OverrideControllerValueAction></ControllerAction></PrivateAction>'
+    "<BrakePercent "
+    'value="1"/></Brake></OverrideControllerValueAction></ControllerAction></PrivateAction>'
 )
-COMMAND = '<UserDefinedAction><CustomCommandAction type="x">nothing</CustomCommandAction></UserDefinedAction>'
+COMMAND = (
+    "<UserDefinedAction><CustomCommandAction "
+    'type="x">nothing</CustomCommandAction></UserDefinedAction>'
+)
 
 
 def by_entity(condition: str) -> str:
     return (
         '<ConditionGroup><Condition name="c" delay="0" conditionEdge="none"><ByEntityCondition>'
-        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef '
+        'entityRef="Ego"/></TriggeringEntities>'
         f"<EntityCondition>{condition}</EntityCondition></ByEntityCondition></Condition></ConditionGroup>"
     )
 
@@ -102,7 +112,8 @@ def high(name: str, x: float, y: float, z: float, speed: float) -> str:
 
 def criterion(name: str, parameter: str = "", value: str = "", delay: str = "0") -> str:
     return (
-        f'<ConditionGroup><Condition name="criteria_{name}" delay="{delay}" conditionEdge="rising"><ByValueCondition>'
+        f'<ConditionGroup><Condition name="criteria_{name}" delay="{delay}" '
+        'conditionEdge="rising"><ByValueCondition>'
         f'<ParameterCondition parameterRef="{parameter}" value="{value}" rule="lessThan"/>'
         "</ByValueCondition></Condition></ConditionGroup>"
     )
@@ -239,7 +250,8 @@ def test_a_run_of_no_time(tmp_path: Path, time: float) -> None:
 def test_a_stop_trigger_that_waits_for_what_never_started(tmp_path: Path) -> None:
     state = (
         '<ConditionGroup><Condition name="c" delay="0" conditionEdge="none"><ByValueCondition>'
-        '<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="event1" state="completeState"/>'
+        '<StoryboardElementStateCondition storyboardElementType="event" '
+        'storyboardElementRef="event1" state="completeState"/>'
         "</ByValueCondition></Condition></ConditionGroup>"
     )
     stories = story("Lead", [(0.2, speed_action(19)), (500, speed_action(18))])

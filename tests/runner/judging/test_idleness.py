@@ -13,7 +13,9 @@ RISES = 'conditionEdge="rising"'
 def play(
     folder: Path, *times: float, stop: float = 1.0, changes: dict[str, str] | None = None
 ) -> tuple[str, ...]:
-    """The remarks on a run with an event at each of these times (s), and with texts of its file replaced."""
+    """The remarks on a run with an event at each of these times (s), and with
+    texts of its file replaced.
+    """
     stories = story("Ego", [(time, speed_action(5)) for time in times])
     path = scenario(
         folder, entities=[car("Ego")], init=place("Ego", 100, 10), stories=stories, stop=stop

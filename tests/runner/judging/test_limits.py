@@ -1,4 +1,6 @@
-"""Limits by which runs fail, how a contact ends a run, and what a verdict says of the system under test."""
+"""Limits by which runs fail, how a contact ends a run, and what a verdict says
+of the system under test.
+"""
 
 from __future__ import annotations
 
@@ -141,8 +143,10 @@ def test_the_command_fails_and_says_why_everywhere(xosc_run: Command, tmp_path: 
         2,
         "xosc-run: --fail-if 'min_distanc<5': did you mean 'min_distance'? "
         "a measure with a limit is expected, such as min_ttc<1 (of min_ttc, min_thw, "
-        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, rss_risk_r157, "
-        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, road-end, timeout, rss, "
+        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, "
+        "rss_risk_r157, "
+        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, "
+        "road-end, timeout, rss, "
         "or with --against new-failure\n",
     )
 

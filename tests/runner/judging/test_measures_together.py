@@ -1,4 +1,6 @@
-"""Measures of all others at once are those of each other alone, whose rows are compared one by one."""
+"""Measures of all others at once are those of each other alone, whose rows are
+compared one by one.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ STEP = 0.1
 
 
 def traffic(seed: int) -> list[MotionRows]:
-    """Participants of all sizes that come and go, on one road, another one or none, some across, some on a bridge, some late."""
+    """Participants of all sizes that come and go, on one road, another one or none, some across,
+    some on a bridge, some late.
+    """
     draw = np.random.default_rng(seed)
     return [_drawn(draw, f"p{index}") for index in range(int(draw.integers(2, 9)))]
 

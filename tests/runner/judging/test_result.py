@@ -1,4 +1,6 @@
-"""What a result offers: a line, a table, files, a page, a data frame; and progress on the way to it."""
+"""What a result offers: a line, a table, files, a page, a data frame; and
+progress on the way to it.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,8 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> runner.RunResult:
 
 
 def test_it_is_one_line_and_a_table(result: runner.RunResult) -> None:
-    assert (
-        repr(result)
-        == "<RunResult a & b: failed (collision with Lead at 2.50 s), completed at 12.00 s, sut none>"
+    assert repr(result) == (
+        "<RunResult a & b: failed (collision with Lead at 2.50 s), completed at 12.00 s, sut none>"
     )
     page = result._repr_html_()
     assert (
@@ -70,7 +71,8 @@ def test_it_is_saved_as_the_command_saves_it(result: runner.RunResult, tmp_path:
     for _ in range(2):
         folder = result.save(tmp_path / "runs" / "one")
     assert {path.name for path in folder.iterdir()} == {
-        "criticality.parquet", "events.jsonl", "result.json", "trajectories.csv", "trajectories.parquet",
+        "criticality.parquet", "events.jsonl", "result.json", "trajectories.csv",
+        "trajectories.parquet",
     }  # fmt: skip
     loaded = load_run(folder)
     assert loaded.verdict == result.verdict and loaded.trajectories.equals(result.trajectories)

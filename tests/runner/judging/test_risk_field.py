@@ -44,7 +44,9 @@ def car(
 def field(
     gap: float, closing: float = 0.0, aside: float = 0.0, parameters: FieldParameters | None = None
 ) -> tuple[float, float]:
-    """Probability and risk of a car so far ahead (m) of an ego at 25 m/s that closes in on it (m/s)."""
+    """Probability and risk of a car so far ahead (m) of an ego at 25 m/s that
+    closes in on it (m/s).
+    """
     found = risk_field(
         car(0.0), car(4.5 + gap, aside, 25.0 - closing), parameters or FieldParameters()
     )

@@ -1,4 +1,6 @@
-"""The settings of a run: one default each, verified in one place, the same for Python and the command line."""
+"""The settings of a run: one default each, verified in one place, the same for
+Python and the command line.
+"""
 
 from __future__ import annotations
 

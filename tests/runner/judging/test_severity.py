@@ -1,4 +1,6 @@
-"""Severity of contacts: worked out by hand, by published curves, and as columns, terminal lines and pages show it."""
+"""Severity of contacts: worked out by hand, by published curves, and as columns,
+terminal lines and pages show it.
+"""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ WAITS = """<ConditionGroup>
   <EntityCondition>{}</EntityCondition>
 </ByEntityCondition></Condition></ConditionGroup>"""
 NEAR = WAITS.format(
-    '<RelativeDistanceCondition value="1" freespace="true" entityRef="Lead" rule="lessThan" relativeDistanceType="longitudinal"/>'
+    '<RelativeDistanceCondition value="1" freespace="true" entityRef="Lead" rule="lessThan" '
+    'relativeDistanceType="longitudinal"/>'
 )
 CONTACT = WAITS.format('<CollisionCondition><EntityRef entityRef="Lead"/></CollisionCondition>')
 
@@ -79,7 +80,8 @@ def test_no_event_names_what_it_waited_for(tmp_path: Path) -> None:
         ["no-event"],
     )
     assert reason.startswith(
-        f"{path}:{line_of(path, '<Event ')}: no event has started: the run ended at 1.00 s, by end: "
+        f"{path}:{line_of(path, '<Event ')}: no event has started: the run "
+        "ended at 1.00 s, by end: "
     )
     assert "event 'event0' waited for near: " in reason
 
@@ -118,7 +120,10 @@ def test_a_limit_of_time_that_cuts_events_off_leaves_the_run_unfinished(tmp_path
 OF_ANOTHER_VARIANT = """<ConditionGroup><Condition name="variant" delay="0" conditionEdge="none"><ByValueCondition>
   <ParameterCondition parameterRef="Gap" value="7" rule="equalTo"/>
 </ByValueCondition></Condition></ConditionGroup>"""
-SETS_IT = '<GlobalAction><ParameterAction parameterRef="Gap"><SetAction value="8"/></ParameterAction></GlobalAction>'
+SETS_IT = (
+    '<GlobalAction><ParameterAction parameterRef="Gap"><SetAction '
+    'value="8"/></ParameterAction></GlobalAction>'
+)
 
 
 def test_an_event_for_another_value_of_a_parameter_is_not_missed_unless_something_sets_it(
@@ -146,7 +151,9 @@ def test_an_event_for_another_value_of_a_parameter_is_not_missed_unless_somethin
 def test_an_action_without_end_that_the_stop_trigger_waits_for(
     actor: str, expected: list[str], tmp_path: Path
 ) -> None:
-    """A rate of 0 never gets there; what the system under test does about its own actions is its own."""
+    """A rate of 0 never gets there; what the system under test does about its
+    own actions is its own.
+    """
     slow = story(
         actor,
         [(0.2, speed_action(5, 'dynamicsShape="linear" dynamicsDimension="rate" value="0.001"'))],
@@ -185,7 +192,10 @@ def test_a_branch_that_a_stop_trigger_of_the_scene_leaves_out_is_a_remark(tmp_pa
 
 
 def test_an_event_that_only_switches_controllers_is_no_event_of_the_scene(tmp_path: Path) -> None:
-    switch = '<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true"/></ControllerAction></PrivateAction>'
+    switch = (
+        "<PrivateAction><ControllerAction><ActivateControllerAction "
+        'longitudinal="true"/></ControllerAction></PrivateAction>'
+    )
     activates = story("Ego", [(0.2, switch)])
     assert causes(write(tmp_path / "alone", stories=activates)) == []
     path = write(
@@ -343,7 +353,10 @@ def test_only_catalogue_entries_in_use_make_a_run_inconclusive(
     )
     assert body is not None
     reference = '<CatalogReference catalogName="cars" entryName="Used"/>'
-    locations = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    locations = (
+        "<CatalogLocations><VehicleCatalog><Directory "
+        'path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    )
     text = (
         path.read_text(encoding="utf-8")
         .replace(body[1], reference)

@@ -56,7 +56,8 @@ def situation(seed: int, others: int) -> Observation:
         0.0,
         ego,
         [
-            participant(f"Other{number}", rng.uniform(-15.0, 60.0), rng.choice([0.0, rng.uniform(-6.0, 6.0)]), rng)
+            participant(f"Other{number}", rng.uniform(-15.0, 60.0),
+                rng.choice([0.0, rng.uniform(-6.0, 6.0)]), rng)
             for number in range(others)
         ],
         rng.choice([ego.speed, ego.speed, 0.0, 25.0, -2.0]),

@@ -1,4 +1,6 @@
-"""`adas`: what its radar sees, when it follows, when it brakes fully, and the limits of what it does."""
+"""`adas`: what its radar sees, when it follows, when it brakes fully, and the
+limits of what it does.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,9 @@ def test_the_far_field_is_long_and_narrow_and_the_near_field_wide() -> None:
 
 
 def test_the_path_bends_with_the_yaw_rate() -> None:
-    """In a left curve of 200 m radius a lead on the same circle is in the path, oncoming traffic straight ahead is not."""
+    """In a left curve of 200 m radius a lead on the same circle is in the path,
+    oncoming traffic straight ahead is not.
+    """
     ego = entity("Ego", 0.0, 0.0, 20.0, ay=20.0**2 / 200.0)
     bearing = 60.0 / 200.0
     x, y = 200.0 * math.sin(bearing), 200.0 * (1.0 - math.cos(bearing))

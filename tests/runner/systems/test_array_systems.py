@@ -133,8 +133,10 @@ def test_one_without_is_asked_run_by_run_with_an_instance_each(tmp_path: Path) -
         (lambda n: None, "BatchControl is expected"),
         (lambda n: BatchControl(np.zeros(n + 1)), r"acceleration of shape \(3,\)"),
         (lambda n: BatchControl(np.array([1.0, np.nan])), "acceleration nan at place 1"),
-        (lambda n: BatchControl(np.array(["a", "b"])), "other types than numbers"),  # type: ignore[arg-type]
-        (lambda n: BatchControl(np.zeros(n), np.zeros(n)), "other types than numbers"),  # type: ignore[arg-type]
+        (lambda n: BatchControl(np.array(["a", "b"])), "other types than numbers"),
+        # type: ignore[arg-type]
+        (lambda n: BatchControl(np.zeros(n), np.zeros(n)), "other types than numbers"),
+        # type: ignore[arg-type]
         (lambda n: BatchControl(steering=np.zeros((n, 1))), r"steering of shape \(2, 1\)"),
         (lambda n: 1 / 0, "division by zero"),
     ],

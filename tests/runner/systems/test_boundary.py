@@ -1,4 +1,6 @@
-"""Systems under test in a process of their own: the same results as in this one, and whatever they do is an error of theirs."""
+"""Systems under test in a process of their own: the same results as in this one, and whatever they
+do is an error of theirs.
+"""
 
 from __future__ import annotations
 

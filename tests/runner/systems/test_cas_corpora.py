@@ -1,4 +1,6 @@
-"""`cas` drives the ego of public scenarios: no error, plausible motion. A sample in the kinematic world, for speed."""
+"""`cas` drives the ego of public scenarios: no error, plausible motion. A sample
+in the kinematic world, for speed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The ego: how it is found, when the system under test drives it, and how that combines with what is scripted."""
+"""The ego: how it is found, when the system under test drives it, and how that
+combines with what is scripted.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +127,8 @@ def test_a_scenario_that_activates_no_controller_is_driven_from_the_beginning(
 
 
 ASSIGN = controller_action(
-    '<AssignControllerAction><Controller name="driver"><Properties/></Controller></AssignControllerAction>'
+    "<AssignControllerAction><Controller "
+    'name="driver"><Properties/></Controller></AssignControllerAction>'
 )
 
 
@@ -229,7 +232,10 @@ def test_the_vehicle_goes_no_faster_than_it_can(tmp_path: Path) -> None:
 
 def test_a_slippery_road_brakes_less(tmp_path: Path) -> None:
     ice = '<RoadCondition frictionScaleFactor="0.2"/>'
-    environment = f'<GlobalAction><EnvironmentAction><Environment name="ice">{ice}</Environment></EnvironmentAction></GlobalAction>'
+    environment = (
+        "<GlobalAction><EnvironmentAction><Environment "
+        f'name="ice">{ice}</Environment></EnvironmentAction></GlobalAction>'
+    )
     path = scenario(tmp_path, init=environment + place("Ego", 100, 20) + place("Lead", 400, 20))
     ego = track(drive(path, (0.0, Control(acceleration=-8.0))), "Ego")
     assert at(ego, 1.0, "speed") == pytest.approx(20.0 - 0.2 * 9.81)
@@ -268,14 +274,18 @@ def test_a_reversing_ego_stays_where_cas_stops_it(tmp_path: Path) -> None:
 
 def test_a_braking_ego_falls_behind_a_scripted_trajectory_and_stays_on_it(tmp_path: Path) -> None:
     vertices = "".join(
-        f'<Vertex time="{t}"><Position><WorldPosition x="{100 + 20 * t}" y="{-1.75 + 0.5 * t}"/></Position></Vertex>'
+        f'<Vertex time="{t}"><Position><WorldPosition x="{100 + 20 * t}" '
+        f'y="{-1.75 + 0.5 * t}"/></Position></Vertex>'
         for t in range(5)
     )
     follow = (
         "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
-        f'<Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>'
-        '<TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>'
-        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+        '<Trajectory name="t" '
+        f'closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>'
+        '<TimeReference><Timing domainAbsoluteRelative="relative" scale="1" '
+        'offset="0"/></TimeReference>'
+        "<TrajectoryFollowingMode "
+        'followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
     )
     path = alone(tmp_path, more=follow, stop=3.0)
     ego = track(drive(path, (1.0, Control(acceleration=-5.0))), "Ego")

@@ -35,13 +35,16 @@ LAWS = (
 
 
 def later(seen: Observation, step: int, rng: Random) -> Observation:
-    """A situation some steps later: everyone has driven on; speeds, accelerations and lights change."""
+    """A situation some steps later: everyone has driven on; speeds,
+    accelerations and lights change.
+    """
 
     def moved(one: Any) -> Any:
         speed = one.speed + rng.choice([0.0, 0.0, one.acceleration * DT])
         share = speed / one.speed if one.speed else 1.0
         return one._replace(
-            x=one.x + one.vx * DT, y=one.y + one.vy * DT, speed=speed, vx=one.vx * share, vy=one.vy * share
+            x=one.x + one.vx * DT, y=one.y + one.vy * DT, speed=speed, vx=one.vx * share,
+            vy=one.vy * share
         )  # fmt: skip
 
     return seen._replace(

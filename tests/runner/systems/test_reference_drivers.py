@@ -1,4 +1,6 @@
-"""The reference drivers of UN Regulation 157, `aeb` and `idm`: when they react, and how they brake, worked out by hand."""
+"""The reference drivers of UN Regulation 157, `aeb` and `idm`: when they react,
+and how they brake, worked out by hand.
+"""
 
 from __future__ import annotations
 
@@ -198,7 +200,8 @@ def test_each_is_found_by_name_and_avoids_what_everyone_can(name: str) -> None:
 
 
 PUBLISHED = [
-    # ego and cut-in speed (km/h), gap (m), lateral speed (m/s), and who collides, from the JRC's implementation
+    # ego and cut-in speed (km/h), gap (m), lateral speed (m/s), and who
+    # collides, from the JRC's implementation
     (130, 100, 15, 1.4, {"r157-cc", "r157-reg"}),
     (90, 40, 43, 1.1, {"r157-cc"}),
     (90, 40, 37, 1.0, {"r157-cc"}),  # 0.5 m aside at a step: the limit itself is within

@@ -99,7 +99,8 @@ def test_an_instance(tmp_path: Path) -> None:
         (
             "absent",
             "no system under test is called 'absent'; "
-            "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
+            "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, "
+            "and module:Class",
         ),
         ("", "no system"),
         (":", "no system"),
@@ -183,7 +184,9 @@ def test_a_system_may_complain_in_its_own_words(tmp_path: Path) -> None:
 
 
 class Gliding(HalfSpeed):
-    """Moves by so many m in each step, and from a time on by a jump (m) once more; says this speed (m/s)."""
+    """Moves by so many m in each step, and from a time on by a jump (m) once
+    more; says this speed (m/s).
+    """
 
     def __init__(
         self, forward: float, aside: float = 0.0, jump: float = 0.0, speed: float | None = None
@@ -232,7 +235,8 @@ def test_poses_that_no_vehicle_reaches_test_nothing(
 
 def test_a_pose_needs_both_domains(tmp_path: Path) -> None:
     activate = (
-        '<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>'
+        '<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true" '
+        'lateral="false"/></ControllerAction>'
         "</PrivateAction>"
     )
     init = place("Ego", 100, 20, more=activate) + place("Lead", 150, 10)
@@ -478,7 +482,10 @@ def test_parameters_are_checked() -> None:
             "failed at 0.00 s: ZeroDivisionError",
         ),
         (
-            "import json\nclass Odd:\n    def reset(self, *_): ...\n    def control(self, *_):\n        json.loads('{')\n",
+            (
+                "import json\nclass Odd:\n    def reset(self, *_): ...\n    def control(self, "
+                "*_):\n        json.loads('{')\n"
+            ),
             5,
             "failed at 0.00 s: JSONDecodeError",
         ),

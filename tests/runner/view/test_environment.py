@@ -1,4 +1,6 @@
-"""The ego as an environment: what is seen, what is done, what it is worth, and that learners learn in it."""
+"""The ego as an environment: what is seen, what is done, what it is worth, and
+that learners learn in it.
+"""
 
 from __future__ import annotations
 
@@ -197,7 +199,9 @@ def driven(env: EgoEnv, decide: Any) -> tuple[float, bool]:
 
 
 def test_the_cross_entropy_method_learns_to_brake() -> None:
-    """De Boer et al., A Tutorial on the Cross-Entropy Method, 2005: a linear policy of gap and closing speed."""
+    """De Boer et al., A Tutorial on the Cross-Entropy Method, 2005: a linear
+    policy of gap and closing speed.
+    """
     env = EgoEnv(
         LEAD_BRAKE, world="kinematic", actions="acceleration", timestep=0.2, participants=1
     )

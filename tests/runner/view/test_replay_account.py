@@ -1,4 +1,6 @@
-"""What a run comes to in sentences, what braking would have been needed, and whom the ego has to do with."""
+"""What a run comes to in sentences, what braking would have been needed, and
+whom the ego has to do with.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Replay pages in a headless Chromium: they play, obey the keyboard, need no network, and no text of a scenario breaks them."""
+"""Replay pages in a headless Chromium: they play, obey the keyboard, need no network, and no text
+of a scenario breaks them.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +18,24 @@ from runner.view.replay.player import replay_page, write_replay
 from tests.runner.chromium import Browser
 from tests.runner.files import car, place, scenario, speed_action, story
 
-EVIL = "</script><script>document.title='broken'</script><!--<img src=http://x.invalid/ onerror=alert(1)>&quot;\u2028'\"`"
+EVIL = (
+    "</script><script>document.title='broken'</script><!--<img src=http://x.invalid/ "
+    "onerror=alert(1)>&quot;\u2028'\"`"
+)
 BODIES = {
-    "Walker": '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><BoundingBox><Center x="0" y="0" z="0.9"/>'
+    "Walker": '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><BoundingBox><Center '
+    'x="0" y="0" z="0.9"/>'
     '<Dimensions width="0.6" length="0.5" height="1.8"/></BoundingBox></Pedestrian>',
-    "Cone": '<MiscObject name="m" mass="1" miscObjectCategory="obstacle"><BoundingBox><Center x="0" y="0" z="0.5"/>'
+    "Cone": '<MiscObject name="m" mass="1" miscObjectCategory="obstacle"><BoundingBox><Center x="0" '
+    'y="0" z="0.5"/>'
     '<Dimensions width="0.5" length="0.5" height="1"/></BoundingBox></MiscObject>',
 }
 
 
 def street(folder: Path, gap: float, sut: str | None = None) -> RunResult:
-    """An ego that comes up to a lead with a name that would break a careless page, a bicycle, a pedestrian and a cone."""
+    """An ego that comes up to a lead with a name that would break a careless
+    page, a bicycle, a pedestrian and a cone.
+    """
     escaped = EVIL.translate({ord(c): f"&#{ord(c)};" for c in "<>&\"'"})
     others = [
         f'<ScenarioObject name="{name}">{body}</ScenarioObject>' for name, body in BODIES.items()
@@ -374,7 +383,8 @@ def test_the_map_stays_in_sight_beside_what_is_read(browser: Browser, one: Path)
         browser.run("window.scrollTo(0, 1e6)")
         browser.settle()
         stage, controls = browser.run(
-            "['.stage', '.controls'].map(s => document.querySelector(s).getBoundingClientRect()).map(r => [r.top, r.bottom])"
+            "['.stage', '.controls'].map(s => "
+            "document.querySelector(s).getBoundingClientRect()).map(r => [r.top, r.bottom])"
         )
         assert stage[0] >= 0.0
         assert controls[1] <= 900.0
@@ -384,7 +394,8 @@ def test_without_webgl_the_page_says_so_and_stays_as_it_is(browser: Browser, one
     browser.open(one, "t=1")
     browser.run(
         "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...more) { "
-        "return kind === 'webgl2' ? null : get.call(this, kind, ...more); })(HTMLCanvasElement.prototype.getContext)"
+        "return kind === 'webgl2' ? null : get.call(this, kind, ...more); "
+        "})(HTMLCanvasElement.prototype.getContext)"
     )
     before = browser.run("document.querySelector('canvas').toDataURL()")
     browser.press("v")

@@ -23,7 +23,9 @@ from tests.runner.files import distribution, scenario
 
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Output folder of four runs, of which those with small gaps collide, and of a file that can't be run."""
+    """Output folder of four runs, of which those with small gaps collide, and of
+    a file that can't be run.
+    """
     folder = tmp_path_factory.mktemp("batch")
     scenario(folder, stop=2.0)
     (folder / "bad<b>.xosc").write_text("<OpenSCENARIO/>")
@@ -150,7 +152,10 @@ def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> 
     browser.requests.clear()
     browser.open(batch / "report.html")
     assert browser.requests == [(batch / "report.html").as_uri()]
-    rows = "[...document.querySelectorAll('.runs tbody tr')].map(r => r.querySelector('td').textContent)"
+    rows = (
+        "[...document.querySelectorAll('.runs tbody tr')].map(r => "
+        "r.querySelector('td').textContent)"
+    )
     assert browser.text(".verdict") == (
         "2 of 5 runs failed, 1 file could not be run, 1 run inconclusive"
     )
@@ -159,17 +164,20 @@ def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> 
     legend = browser.run("[...document.querySelectorAll('.legend li')].map(l => l.textContent)")
     assert legend == ["2 failed", "1 error", "1 inconclusive", "1 passed"]
     browser.run(
-        "[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()"
+        "[...document.querySelectorAll('.runs th button')].find(b => b.textContent === "
+        "'Gap').click()"
     )
     browser.run(
-        "[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()"
+        "[...document.querySelectorAll('.runs th button')].find(b => b.textContent === "
+        "'Gap').click()"
     )
     assert browser.run(rows)[:2] == ["gaps~000003", "gaps~000002"]
 
 
 def choose(browser: Browser, selector: str, value: str) -> None:
     browser.run(
-        f"(s => {{ s.value = {json.dumps(value)}; for (const kind of ['input', 'change']) s.dispatchEvent(new Event(kind)); }})"
+        f"(s => {{ s.value = {json.dumps(value)}; for (const kind of ['input', 'change']) "
+        f"s.dispatchEvent(new Event(kind)); }})"
         f"(document.querySelector({json.dumps(selector)}))"
     )
 
@@ -206,7 +214,8 @@ def test_a_question_filters_runs_and_says_what_it_does_not_understand(
     count = "document.querySelectorAll('.runs tbody tr').length"
     box = "input.question"
     for question, left in [
-        ("state = 'failed'", 2), ("Gap > 0 and verdict = 'passed'", 1), ("end_time is null", 1), ("", 5),
+        ("state = 'failed'", 2), ("Gap > 0 and verdict = 'passed'", 1), ("end_time is null", 1),
+        ("", 5),
     ]:  # fmt: skip
         choose(browser, box, question)
         assert (browser.run(count), browser.text(".fault")) == (left, ""), question
@@ -227,13 +236,17 @@ _TABLE = {
     "hit": [True, False, None, True],
 }
 _QUESTIONS = [
-    "speed < 2", "not speed < 2", "speed >= 100 km/h", "speed between -2 and 1.5 or hit", "hit", "not hit", "hit = false",
-    "name in ('a', \"b'c\")", "name not in ('a')", "name like 'US-101%'", "name like '_'", "not name like '%''%'", "name is null",
-    "speed is not null and (name = 'a' or hit != true)", "speed > 1 AND NOT name = 'a'", "1.5 = speed", "speed not between 0 and 5",
+    "speed < 2", "not speed < 2", "speed >= 100 km/h", "speed between -2 and 1.5 or hit", "hit",
+    "not hit", "hit = false",
+    "name in ('a', \"b'c\")", "name not in ('a')", "name like 'US-101%'", "name like '_'",
+    "not name like '%''%'", "name is null",
+    "speed is not null and (name = 'a' or hit != true)", "speed > 1 AND NOT name = 'a'",
+    "1.5 = speed", "speed not between 0 and 5",
     "not (speed > 0 or hit)", "speed <> 30",
 ]  # fmt: skip
 _FAULTS = [
-    "", "speed", "speed <", "sped < 2", "speed < 'a'", "hit < true", "name = 'a", "name like 2", "speed in 2", "(speed < 2",
+    "", "speed", "speed <", "sped < 2", "speed < 'a'", "hit < true", "name = 'a", "name like 2",
+    "speed in 2", "(speed < 2",
     "speed < 2 name", "speed between 1", "speed ; 2", "is null", "name is 2",
 ]  # fmt: skip
 
@@ -271,7 +284,8 @@ def test_a_page_answers_as_the_command_does(browser: Browser, batch: Path) -> No
 
 def test_a_grid_of_parameters_is_a_matrix(browser: Browser, batch: Path) -> None:
     browser.open(batch / "report.html")
-    assert browser.run("[...document.querySelectorAll('.matrix thead th')].map(c => c.textContent)") == [
+    assert browser.run("[...document.querySelectorAll('.matrix thead th')].map(c => "
+                       "c.textContent)") == [
         "Gap", "10", "20", "30", "40",
     ]  # fmt: skip
     cells = browser.run(
@@ -356,7 +370,10 @@ def test_runs_that_changed_are_played_beside_what_they_were(
         list(run_batch(jobs_of(paths, {}, True), settings, out=tmp_path / name, also=also))
     write_report(tmp_path / "second", tmp_path / "first")
     browser.open(tmp_path / "second" / "report.html")
-    links = "[...document.querySelectorAll('[aria-label=History] a')].filter(a => a.textContent === 'before and after')"
+    links = (
+        "[...document.querySelectorAll('[aria-label=History] a')].filter(a => a.textContent === "
+        "'before and after')"
+    )
     pairs = browser.run(f"{links}.map(a => a.getAttribute('href'))")
     assert pairs == [
         f"{name}/before-and-after.html" for name in ("gaps~000002", "gaps~000000", "gaps~000001")
@@ -371,7 +388,10 @@ def test_runs_that_changed_are_played_beside_what_they_were(
     assert (
         browser.text(".verdict") == "third against second: 0 new failures, 1 fixed, 2 still failing"
     )
-    states = "[...document.querySelectorAll('.runs tbody tr')].map(r => [...r.querySelectorAll('.badge')].map(b => b.textContent))"
+    states = (
+        "[...document.querySelectorAll('.runs tbody tr')].map(r => "
+        "[...r.querySelectorAll('.badge')].map(b => b.textContent))"
+    )
     assert browser.run(states) == [
         ["passed", "failed", "passed"],
         ["failed"] * 3,
@@ -412,8 +432,10 @@ def test_the_scatter_shows_runs_where_they_are_and_names_its_axes(
     """Runs in one place are one mark with their number; nobody is moved aside."""
     browser.open(batch / "report.html", width=1280)
     browser.run(
-        "CanvasRenderingContext2D.prototype.fillText = new Proxy(CanvasRenderingContext2D.prototype.fillText,"
-        " { apply(f, self, given) { (window.texts ??= []).push(given[0]); return Reflect.apply(f, self, given); } })"
+        "CanvasRenderingContext2D.prototype.fillText = new "
+        "Proxy(CanvasRenderingContext2D.prototype.fillText,"
+        " { apply(f, self, given) { (window.texts ??= []).push(given[0]); return Reflect.apply(f, "
+        "self, given); } })"
     )
     choose(browser, ".scatter select[aria-label=Up]", "end")
     texts = browser.run("window.texts")

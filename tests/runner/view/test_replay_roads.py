@@ -19,11 +19,18 @@ EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)
 def road(
     folder: Path, marks_of_center: str, marks_of_right: str, more: str = "", line: str = "<line/>"
 ) -> RoadNetwork:
-    """A road of 100 m, from the origin along x, with a lane of 3 m on each side, the right one a shoulder."""
-    lane = '<lane id="{0}" type="{1}" level="false"><width sOffset="0" a="3" b="0" c="0" d="0"/>{2}</lane>'
+    """A road of 100 m, from the origin along x, with a lane of 3 m on each side,
+    the right one a shoulder.
+    """
+    lane = (
+        '<lane id="{0}" type="{1}" level="false"><width sOffset="0" a="3" b="0" c="0" '
+        'd="0"/>{2}</lane>'
+    )
     (folder / "road.xodr").write_text(
-        '<OpenDRIVE><header revMajor="1" revMinor="6"/><road name="" length="100" id="1" junction="-1">'
-        f'<planView><geometry s="0" x="0" y="0" hdg="0" length="100">{line}</geometry></planView><lanes><laneSection s="0">'
+        '<OpenDRIVE><header revMajor="1" revMinor="6"/><road name="" length="100" id="1" '
+        'junction="-1">'
+        '<planView><geometry s="0" x="0" y="0" hdg="0" '
+        f'length="100">{line}</geometry></planView><lanes><laneSection s="0">'
         f"<left>{lane.format(1, 'driving', '')}</left>"
         f'<center><lane id="0" type="none" level="false">{marks_of_center}</lane></center>'
         f"<right>{lane.format(-1, 'shoulder', marks_of_right)}</right></laneSection></lanes>{more}</road></OpenDRIVE>"
@@ -55,7 +62,10 @@ def test_what_is_far_away_is_left_out(tmp_path: Path) -> None:
 
 def test_marks_have_their_pattern_colour_width_and_place(tmp_path: Path) -> None:
     center = '<roadMark sOffset="0" type="solid broken" color="yellow" width="0.2"/>'
-    right = '<roadMark sOffset="0" type="broken"/><roadMark sOffset="40" type="none"/><roadMark sOffset="60" type="curb"/>'
+    right = (
+        '<roadMark sOffset="0" type="broken"/><roadMark sOffset="40" type="none"/><roadMark '
+        'sOffset="60" type="curb"/>'
+    )
     found = {
         (look.pattern, look.colour, look.width): lines
         for look, lines in marks(road(tmp_path, center, right), EVERYWHERE).items()
@@ -84,7 +94,9 @@ def test_borders_without_marks_are_shown_as_such(tmp_path: Path) -> None:
 
 
 def test_bends_are_smooth_and_hills_keep_their_heights(tmp_path: Path) -> None:
-    """Borders of a lane have as many points; chords stay within 3 cm of a bend of 15 m and of a parabola of heights."""
+    """Borders of a lane have as many points; chords stay within 3 cm of a bend
+    of 15 m and of a parabola of heights.
+    """
     hill = '<elevationProfile><elevation s="0" a="2" b="0.05" c="-0.001" d="0"/></elevationProfile>'
     hill += '<lateralProfile><superelevation s="0" a="0.03" b="0" c="0" d="0"/></lateralProfile>'
     network = road(tmp_path, "", "", hill, '<arc curvature="0.0666666667"/>')
@@ -103,10 +115,12 @@ def test_objects_stand_where_and_as_they_are(tmp_path: Path) -> None:
         f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in ((2, 1), (-2, 1), (-2, -1), (2, -1))
     )
     more = (
-        f'<objects><object id="1" type="crosswalk" s="10" t="0" hdg="{math.pi / 2}"><outline>{outline}</outline></object>'
+        '<objects><object id="1" type="crosswalk" s="10" t="0" '
+        f'hdg="{math.pi / 2}"><outline>{outline}</outline></object>'
         '<object id="2" type="pole" s="20" t="5" radius="0.5" height="6" zOffset="1.5"/>'
         '<object id="3" type="tree" s="30" t="5"/></objects>'
-        '<signals><signal id="7" s="40" t="-4" dynamic="yes" name="light" zOffset="3" orientation="+"/></signals>'
+        '<signals><signal id="7" s="40" t="-4" dynamic="yes" name="light" zOffset="3" '
+        'orientation="+"/></signals>'
     )
     network = road(tmp_path, "", "", more)
     found = objects(network, EVERYWHERE)
@@ -142,7 +156,10 @@ def test_objects_stand_where_and_as_they_are(tmp_path: Path) -> None:
 def test_bridges_have_parapets_and_tunnels_walls_beside_the_stretch_that_they_cover(
     tmp_path: Path,
 ) -> None:
-    more = '<objects><bridge id="b" s="10" length="20" type="steel"/><tunnel id="t" s="60" length="80" type="standard"/></objects>'
+    more = (
+        '<objects><bridge id="b" s="10" length="20" type="steel"/><tunnel id="t" s="60" '
+        'length="80" type="standard"/></objects>'
+    )
     found = objects(road(tmp_path, "", "", more), EVERYWHERE)
     assert [(round(float(block.ring[:, 0].min())), block.height) for block in found["barrier"]] == [
         (10, 1.0), (10, 1.0), (60, 4.7), (60, 4.7),

@@ -1,4 +1,6 @@
-"""Replays in three dimensions, drawn by software in a headless Chromium: each camera sees what it should, and nothing fails."""
+"""Replays in three dimensions, drawn by software in a headless Chromium: each camera sees what it
+should, and nothing fails.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +87,8 @@ def view(
     def opened(kind: str, *keys: str, dark: bool = False) -> dict[tuple[int, int, int], int]:
         browser.open(page, f"t=1&view={kind}", width=WIDTH, height=HEIGHT, dark=dark)
         browser.run(
-            "globalThis.stage = document.querySelector('.stage'); stage.querySelectorAll('canvas').length"
+            "globalThis.stage = document.querySelector('.stage'); "
+            "stage.querySelectorAll('canvas').length"
         )
         browser.press("l")  # without names
         for key in keys:
@@ -127,7 +130,10 @@ def test_shadows_are_off_until_they_are_wanted(
 @pytest.mark.slow
 def test_keys_lead_there_and_back(browser: Browser, page: Path) -> None:
     browser.open(page, "t=1")
-    shown = "document.querySelector('.choices select').value + (document.querySelector('.choices').hidden ? ' hidden' : '')"
+    shown = (
+        "document.querySelector('.choices select').value + "
+        "(document.querySelector('.choices').hidden ? ' hidden' : '')"
+    )
     assert browser.run(shown) == "chase hidden"
     seen = []
     for key in ("v", "c", "c", "c", "v"):
@@ -140,9 +146,14 @@ def test_keys_lead_there_and_back(browser: Browser, page: Path) -> None:
 def test_a_notebook_s_frame_plays_without_reaching_the_page_around_it(
     browser: Browser, page: Path, tmp_path: Path
 ) -> None:
-    """As `_repr_html_` embeds it: sandboxed, so that the page within has no origin and no address."""
+    """As `_repr_html_` embeds it: sandboxed, so that the page within has no
+    origin and no address.
+    """
     source = escape(page.read_text(encoding="utf-8"))
-    frame = f'<iframe sandbox="allow-scripts" style="width:100%;height:600px" srcdoc="{source}"></iframe>'
+    frame = (
+        '<iframe sandbox="allow-scripts" style="width:100%;height:600px" '
+        f'srcdoc="{source}"></iframe>'
+    )
     (tmp_path / "notebook.html").write_text(
         f"<title>notebook</title><div class=stage>{frame}</div>", encoding="utf-8"
     )

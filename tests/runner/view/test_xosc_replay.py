@@ -1,4 +1,6 @@
-"""The command `xosc-replay`, and `xosc-run --replay`: which files they write, and what they refuse."""
+"""The command `xosc-replay`, and `xosc-run --replay`: which files they write,
+and what they refuse.
+"""
 
 from __future__ import annotations
 
@@ -167,5 +169,8 @@ def test_damaged_and_absent_results_are_refused(command: Command, tmp_path: Path
 
 def test_a_file_that_is_no_trace_is_told_what_is_expected(command: Command, tmp_path: Path) -> None:
     path = scenario(tmp_path)
-    expected = f"xosc-replay: {path}: a folder of results is expected, as xosc-run --out writes it, or an OSI trace\n"
+    expected = (
+        f"xosc-replay: {path}: a folder of results is expected, as xosc-run --out writes it, or "
+        "an OSI trace\n"
+    )
     assert command("xosc-replay", path) == (3, "", expected)

@@ -13,8 +13,16 @@ from studies.generation.adversary.environment import Episodes
 from studies.generation.described import as_maneuvers
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-VALUES = {"CutIn_Gap_m": 20.0, "CutIn_StartSpeed_mps": 24.0, "CutIn_StartTime_s": 1.5, "CutIn_EndSpeed_mps": 21.0,
-          "CutIn_Duration_s": 3.5, "CutIn_FinalSpeed_mps": 20.0, "CutIn_RestTime_s": 3.0, "Ego_Speed_mps": 20.0}  # fmt: skip
+VALUES = {
+    "CutIn_Gap_m": 20.0,
+    "CutIn_StartSpeed_mps": 24.0,
+    "CutIn_StartTime_s": 1.5,
+    "CutIn_EndSpeed_mps": 21.0,
+    "CutIn_Duration_s": 3.5,
+    "CutIn_FinalSpeed_mps": 20.0,
+    "CutIn_RestTime_s": 3.0,
+    "Ego_Speed_mps": 20.0,
+}
 
 
 def test_the_way_of_a_manoeuvre_gives_its_parameters() -> None:

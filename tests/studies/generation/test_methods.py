@@ -96,6 +96,9 @@ def test_a_user_is_offered_the_default_first_and_none_of_the_studys_methods() ->
 
 def test_naming_the_methods_imports_no_learning() -> None:
     heavy = "numpy", "torch", "sklearn", "optuna", "pymoo", "cma", "matplotlib", "libsumo"
-    code = f"import sys, generation.xosc_generate; print([name for name in {heavy} if name in sys.modules])"
+    code = (
+        f"import sys, generation.xosc_generate; print([name for name in {heavy} if name in "
+        "sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,4 +1,6 @@
-"""Planted failures: regions have the probability that was asked for, and searches are judged by what they find of them."""
+"""Planted failures: regions have the probability that was asked for, and
+searches are judged by what they find of them.
+"""
 
 from __future__ import annotations
 
@@ -297,13 +299,13 @@ def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
     ]
     text = table(found)
     assert (
-        "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 (+0.25 to +0.25) | 3 | 0 |"
-        in text
-    )
+        "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 "
+        "(+0.25 to +0.25) | 3 | 0 |"
+    ) in text
     assert (
-        "| all | 10 | draws | 2 | 0.50 (0.00 to 1.00) | 0.25 | 0.25 (0.00 to 0.50) | +0.50 (+0.25 to +0.75) | 7 | 1 |"
-        in text
-    )
+        "| all | 10 | draws | 2 | 0.50 (0.00 to 1.00) | 0.25 | 0.25 (0.00 to 0.50) | +0.50 "
+        "(+0.25 to +0.75) | 7 | 1 |"
+    ) in text
     assert "| 10 | 1.00e-03 | 2.00e-03 | 0.250 |" in statements(found)
     low, high = interval(np.array([0.0, 1.0, 0.0, 1.0]))
     assert 0.0 <= low < 0.5 < high <= 1.0

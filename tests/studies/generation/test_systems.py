@@ -1,4 +1,6 @@
-"""The comparison of systems under test: who collides in which case, and whether the careful driver does."""
+"""The comparison of systems under test: who collides in which case, and whether
+the careful driver does.
+"""
 
 from __future__ import annotations
 

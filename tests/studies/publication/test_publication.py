@@ -1,4 +1,6 @@
-"""The publication's tables: commands that exist, runs that go on, and a page that says what the result files say."""
+"""The publication's tables: commands that exist, runs that go on, and a page
+that says what the result files say.
+"""
 
 from __future__ import annotations
 
@@ -93,7 +95,8 @@ def test_rows_of_ours_stand_beside_the_published_ones(tmp_path: Path) -> None:
     for stage, f1 in (("published", "0.500 ± 0.010"), ("shipped", "0.800")):
         table(
             tmp_path / SCALE / stage / "open-set.csv",
-            f",macro-F1,(K+1) accuracy,AUROC,OSCR,p\n**TRFE**,{f1},0,0.9,0.7,–\nCAC,0.4,0,0.8,0.6,0.03\n",
+            ",macro-F1,(K+1) "
+            f"accuracy,AUROC,OSCR,p\n**TRFE**,{f1},0,0.9,0.7,–\nCAC,0.4,0,0.8,0.6,0.03\n",
         )
     text = page.text(tmp_path)
     assert "| TRFE | 0.906 | 0.500 ± 0.010 | 0.9 | 0.7 | 0.800 | 0.9 | 0.7 |" in text
@@ -107,7 +110,8 @@ def test_full_rows_are_shown_before_the_smallest_and_say_their_seeds(tmp_path: P
         for name in ("open-set", "chain") if scale == "smallest" else ("open-set",):
             table(
                 tmp_path / scale / "shipped" / f"{name}.csv",
-                f",macro-F1,AUROC,OSCR,ACC_cluster,macro-F1 after,seeds,p\n**TRFE**,{seeds},,,,,{seeds},\n",
+                ",macro-F1,AUROC,OSCR,ACC_cluster,macro-F1 "
+                f"after,seeds,p\n**TRFE**,{seeds},,,,,{seeds},\n",
             )
     text = page.text(tmp_path)
     assert "### Table 3: recognition of known and unknown classes\n" in text

@@ -1,4 +1,6 @@
-"""The agreement report: what bare positions tell, vehicles of overlapping recordings, tables and plots."""
+"""The agreement report: what bare positions tell, vehicles of overlapping
+recordings, tables and plots.
+"""
 
 from __future__ import annotations
 

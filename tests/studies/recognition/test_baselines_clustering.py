@@ -30,8 +30,8 @@ from studies.recognition.semi_supervised import likely_classes, semi_supervised
 from tests.recognition.clouds import clouds
 
 METHODS: list[type[ClusteringMethod]] = [
-    KMeansFeatures, KMeansAxes, KMeansAxesCounted, Mixture, MixtureCounted, SemiSupervised, SemiSupervisedCounted,
-    IterativeEuclidean, STAEKMeans, STAELinkage, SimGCD,
+    KMeansFeatures, KMeansAxes, KMeansAxesCounted, Mixture, MixtureCounted, SemiSupervised,
+    SemiSupervisedCounted, IterativeEuclidean, STAEKMeans, STAELinkage, SimGCD,
 ]  # fmt: skip
 
 

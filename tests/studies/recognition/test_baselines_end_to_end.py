@@ -1,4 +1,6 @@
-"""Heads that train the encoder too, on windows whose classes only the inputs of the encoder tell."""
+"""Heads that train the encoder too, on windows whose classes only the inputs of
+the encoder tell.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def encoder() -> TokenEncoder:
 
 
 def windows(seed: int) -> tuple[Features, IntArray]:
-    """Samples of two classes, in which the ego's first value rises or falls; others are missing, numbers are of any size."""
+    """Samples of two classes, in which the ego's first value rises or falls;
+    others are missing, numbers are of any size.
+    """
     labels, random = np.tile([2, 7], 40), np.random.default_rng(seed)
     inputs = random.normal(0.0, 0.1, (len(labels), *VIEW.shape))
     inputs[:, 0, :, 0] += np.where(labels == 2, 1.0, -1.0)[:, None] * np.linspace(

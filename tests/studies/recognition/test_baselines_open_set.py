@@ -1,4 +1,6 @@
-"""Open-set methods: their formulas on numbers worked out by hand, and all of them on classes that lie apart."""
+"""Open-set methods: their formulas on numbers worked out by hand, and all of
+them on classes that lie apart.
+"""
 
 from __future__ import annotations
 

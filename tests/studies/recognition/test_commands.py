@@ -67,7 +67,10 @@ def test_a_file_in_the_way_of_the_results_is_named(
     assert answer == (
         2,
         "",
-        f"studies.recognition: {tmp_path}/file: a folder to write into is expected, this is a file\n",
+        (
+            f"studies.recognition: {tmp_path}/file: a folder to write into is "
+            "expected, this is a file\n"
+        ),
     )
 
 

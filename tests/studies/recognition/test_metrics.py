@@ -18,7 +18,8 @@ def test_open_set_figures_of_six_samples() -> None:
     found = metrics.open_set(truth, closed, scores, predicted)
     assert found.closed_accuracy == 3 / 4
     assert found.accuracy == 3 / 6
-    # class 1: one right of two found and two true; class 2: the same; unknown: one right of two found and two true
+    # class 1: one right of two found and two true; class 2: the same; unknown:
+    # one right of two found and two true
     assert found.macro_f1 == pytest.approx(0.5)
     assert (
         found.auroc == 7 / 8
@@ -27,7 +28,8 @@ def test_open_set_figures_of_six_samples() -> None:
 
 
 def test_oscr_is_the_area_that_the_thresholds_span() -> None:
-    # correct rate 1/2 before the first unknown, 1/2 after it, 1 from the third known sample on: 1/2·1/2 + 1·1/2 in two unit steps
+    # correct rate 1/2 before the first unknown, 1/2 after it, 1 from the third known sample on:
+    # 1/2·1/2 + 1·1/2 in two unit steps
     assert metrics.oscr(
         [1, 2, 0, 1, 2, 0], [1, 1, 1, 1, 2, 2], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
     ) == pytest.approx(0.25 * 0.5 + 0.75 * 0.5)

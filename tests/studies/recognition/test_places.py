@@ -17,7 +17,9 @@ COUNT = 40
 
 
 def written(folder: Path, recordings: int = 5) -> Path:
-    """Windows of two classes of roundabouts, which the lanes to the left tell, and of ramps, which the speed tells."""
+    """Windows of two classes of roundabouts, which the lanes to the left tell,
+    and of ramps, which the speed tells.
+    """
     labels = np.repeat(
         [
             Label.ROUNDABOUT_ENTERING,

@@ -30,7 +30,9 @@ WAYS: dict[str, Way] = {
 
 
 def written(folder: Path, noise: float = 0.0) -> Path:
-    """A recording of two cars, one of which brakes in a curve, and of one that is seen too shortly."""
+    """A recording of two cars, one of which brakes in a curve, and of one that
+    is seen too shortly.
+    """
     rng = np.random.default_rng(3)
     way = 12.0 * TIME - 0.35 * TIME**2
     angle = way / 60.0

@@ -262,7 +262,9 @@ def test_traffic_leaves_by_the_deceleration_lane(
 def test_roundabout_is_circulated_in_the_direction_of_the_rule(
     rule: str, tmp_path: Path, simulation: Callable
 ) -> None:
-    """Back to the arm that one came from: round the whole island, counterclockwise in right-hand traffic."""
+    """Back to the arm that one came from: round the whole island,
+    counterclockwise in right-hand traffic.
+    """
     net = simulation(builders.roundabout(arms=4, rule=rule), tmp_path)
     route = libsumo.simulation.findRoute("1/0-", "1/0+").edges
     assert [edge for edge in route if edge.startswith("1")] == [

@@ -1,4 +1,6 @@
-"""Maps converted between formats: the error that is told is the one that is there, and kept fields are read back."""
+"""Maps converted between formats: the error that is told is the one that is
+there, and kept fields are read back.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,8 @@ from xodr.model.geometry import Cubic
 
 LIBRARY = Path(xodr.__file__).parent / "library"
 ENDINGS = {
-    "lanelet2": "map.osm", "sumo": "map.net.xml", "commonroad": "map.xml", "geojson": "map.geojson", "opendrive": "map.xodr",
+    "lanelet2": "map.osm", "sumo": "map.net.xml", "commonroad": "map.xml", "geojson": "map.geojson",
+    "opendrive": "map.xodr",
 }  # fmt: skip
 
 
@@ -54,7 +57,9 @@ CROSSWALKS = """<object id="10" type="crosswalk" s="80" t="0" zOffset="0" hdg="0
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two linked roads on a projection, with heights, kerbs, limits, a sign, a light and two crosswalks."""
+    """Two linked roads on a projection, with heights, kerbs, limits, a sign, a
+    light and two crosswalks.
+    """
     path = tmp_path_factory.mktemp("map") / "source.xodr"
     path.write_text(road().replace("</objects>", f"{CROSSWALKS}</objects>"), encoding="utf-8")
     return path
@@ -90,7 +95,8 @@ def hill_map() -> RoadMap:
     common = {"sections": sections, "type": "rural", "speed_limit": 20.0, "name": ""}
     crest = (Cubic(0.0, 10.0, 0.2), Cubic(50.0, 20.0, -0.2))
     roads = (
-        RoadDesign("1", start=PlanPose(0.0, 0.0, 0.0), plan=(line(100.0),), elevation=crest, **common),  # type: ignore[arg-type]
+        RoadDesign("1", start=PlanPose(0.0, 0.0, 0.0), plan=(line(100.0),), elevation=crest,
+            **common),  # type: ignore[arg-type]
         RoadDesign(
             "2", start=PlanPose(50.0, -60.0, math.pi / 2), plan=(line(50.0), arc(70.0, 0.01)),
             superelevation=(Cubic(0.0, 0.0, 0.001),), **common,  # type: ignore[arg-type]
@@ -193,12 +199,17 @@ def same_areas(made: maps.MapConversion) -> bool:
 
 
 def same_signs(made: maps.MapConversion) -> bool:
-    """Whether there is one sign, of the same meaning at the same place, that holds on as many lanes."""
+    """Whether there is one sign, of the same meaning at the same place, that
+    holds on as many lanes.
+    """
     (ours,), (theirs,) = (
         [signal for signal in one.signals if signal.kind == "sign"]
         for one in (made.source, made.result)
     )
-    meaning = [(each.type, each.subtype, each.country, each.value, each.unit, len(each.lanes)) for each in (ours, theirs)]  # fmt: skip
+    meaning = [
+        (each.type, each.subtype, each.country, each.value, each.unit, len(each.lanes))
+        for each in (ours, theirs)
+    ]
     turned = math.remainder(ours.heading - theirs.heading, math.tau)
     near = math.dist(ours.place, theirs.place) < 0.05 and abs(turned) < 0.02
     return meaning[0] == meaning[1] and ours.value == 50.0 and near
@@ -208,7 +219,9 @@ def names(made: maps.MapConversion) -> set[str]:
     """Names of lanes in the result: road/section/lane; SUMO has roads and lanes, in a parameter."""
     if made.target_format != "sumo":
         return set(made.result.lanes)
-    found = {param.get("value") for param in etree.parse(made.path).iterfind(".//param[@key='origId']")}  # fmt: skip
+    found = {
+        param.get("value") for param in etree.parse(made.path).iterfind(".//param[@key='origId']")
+    }
     return {name for name in made.source.lanes if "_".join(name.split("/")[::2]) in found}
 
 
@@ -229,7 +242,8 @@ CHECKS: dict[str, Callable[[maps.MapConversion], bool]] = {
     "crosswalks": same_areas,
     "traffic lights": lambda made: sum(each.kind == "light" for each in made.result.signals) == 1,
     "signs": lambda made: same_signs(made),
-    "projection": lambda made: np.allclose(corner(made.result), corner(made.source), atol=1e-7, rtol=0.0),
+    "projection": lambda made: np.allclose(corner(made.result), corner(made.source), atol=1e-7,
+        rtol=0.0),
     "offset": lambda made: np.allclose(made.result.offset, made.source.offset),
     "names and ids": lambda made: names(made) == set(made.source.lanes),
 }  # fmt: skip
@@ -366,18 +380,26 @@ def test_a_crosswalk_without_an_area_is_left_out_by_name(
 
 
 def strips() -> RoadMap:
-    """Two linked roads with a sidewalk each, a parking lane that tapers off at both ends, a border and a median."""
-    tapered = (Cubic(0.0, 0.0, 0.1, 0.0, 0.0), Cubic(20.0, 2.0, 0.0, 0.0, 0.0), Cubic(40.0, 2.0, -0.1, 0.0, 0.0))  # fmt: skip
+    """Two linked roads with a sidewalk each, a parking lane that tapers off at
+    both ends, a border and a median.
+    """
+    tapered = (
+        Cubic(0.0, 0.0, 0.1, 0.0, 0.0),
+        Cubic(20.0, 2.0, 0.0, 0.0, 0.0),
+        Cubic(40.0, 2.0, -0.1, 0.0, 0.0),
+    )
     kinds = ("median", "driving", "parking", "border", "sidewalk")
     lanes = {
         -number: LaneDesign(
-            kind, tapered if kind == "parking" else (Cubic(0.0, 2.0, 0.0, 0.0, 0.0),), "solid", -number, -number
+            kind, tapered if kind == "parking" else (Cubic(0.0, 2.0, 0.0, 0.0, 0.0),), "solid",
+            -number, -number
         )
         for number, kind in enumerate(kinds, 1)
     }  # fmt: skip
     roads = [
         RoadDesign(
-            str(number), "", start, (line(60.0),), (SectionDesign(0.0, lanes, "none"),), "town", 50 / 3.6,
+            str(number), "", start, (line(60.0),), (SectionDesign(0.0, lanes, "none"),), "town",
+            50 / 3.6,
             predecessor=before, successor=after,
         )
         for number, start, before, after in (
@@ -432,7 +454,9 @@ def test_a_network_keeps_widths_and_slopes_that_change_and_lanes_without_traffic
 def test_borders_of_a_lane_that_was_moved_in_a_network_are_left_out(tmp_path: Path) -> None:
     there = sumo_case(tmp_path)
     tree = etree.parse(there.path)
-    lane = next(lane for lane in tree.iter("lane") if lane.find("param[@key='border.left']") is not None)  # fmt: skip
+    lane = next(
+        lane for lane in tree.iter("lane") if lane.find("param[@key='border.left']") is not None
+    )
     lane.set("shape", "0,50 60,50")
     tree.write(there.path)
     made = maps.read_map(there.path)
@@ -450,7 +474,8 @@ def one_road(plan: tuple[Clothoid, ...], ring: bool, roll: float) -> RoadMap:
     lanes = {-number: LaneDesign("driving", width, "solid", -number, -number) for number in (1, 2)}
     own = [RoadLink("road", "1", at) if ring else None for at in ("end", "start")]
     road = RoadDesign(
-        "1", "", PlanPose(0.0, 0.0, 0.0), plan, (SectionDesign(0.0, lanes, "none"),), "town", 50 / 3.6,
+        "1", "", PlanPose(0.0, 0.0, 0.0), plan, (SectionDesign(0.0, lanes, "none"),), "town",
+        50 / 3.6,
         predecessor=own[0], successor=own[1], superelevation=(Cubic(0.0, roll, 0.0, 0.0, 0.0),),
     )  # fmt: skip
     return RoadMap("one", (road,))
@@ -531,7 +556,11 @@ def test_a_wrong_map_is_converted_with_remarks(tmp_path: Path) -> None:
     there = maps.convert(LIBRARY / "roundabout.xodr", tmp_path / "map.xml")
     assert not any("is the source right" in note for note in there.notes)
     text = there.path.read_text(encoding="utf-8")
-    for here, other in (("leftBound", "middle"), ("rightBound", "leftBound"), ("middle", "rightBound")):  # fmt: skip
+    for here, other in (
+        ("leftBound", "middle"),
+        ("rightBound", "leftBound"),
+        ("middle", "rightBound"),
+    ):
         text = text.replace(f"{here}>", f"{other}>")
     there.path.write_text(text, encoding="utf-8")
     made = maps.convert(there.path, tmp_path / "back.xodr")
@@ -561,7 +590,10 @@ def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
 def net(attributes: str, shape: str = "0,0 10,0") -> str:
     """A network of one lane."""
     lane = f'<lane id="e_0" {attributes} shape="{shape}"/>'
-    return f'<net><location netOffset="0,0" projParameter="+proj=utm"/><edge id="e">{lane}</edge></net>'
+    return (
+        '<net><location netOffset="0,0" projParameter="+proj=utm"/><edge '
+        f'id="e">{lane}</edge></net>'
+    )
 
 
 def commonroad(height: str) -> str:
@@ -570,7 +602,10 @@ def commonroad(height: str) -> str:
         f"<{side}Bound>{''.join(f'<point><x>{x}</x><y>{y}</y>{height}</point>' for x in (0, 10))}</{side}Bound>"
         for side, y in (("left", 3), ("right", 0))
     )
-    lanelet = f'<lanelet id="1">{bounds}<laneletType>urban</laneletType><trafficLightRef ref="2"/></lanelet>'
+    lanelet = (
+        f'<lanelet id="1">{bounds}<laneletType>urban</laneletType><trafficLightRef '
+        'ref="2"/></lanelet>'
+    )
     light = (
         '<trafficLight id="2"><position><point><x>9</x><y>0</y></point></position></trafficLight>'
     )

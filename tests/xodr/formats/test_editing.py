@@ -1,4 +1,6 @@
-"""OpenDRIVE files placed elsewhere, joined, and cut along a route: places on earth, ids and links are what they were."""
+"""OpenDRIVE files placed elsewhere, joined, and cut along a route: places on
+earth, ids and links are what they were.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +118,10 @@ def test_a_place_without_meaning_is_refused(
 
 def test_a_surface_in_its_own_coordinates_is_refused_by_line(source: Path, tmp_path: Path) -> None:
     path = tmp_path / "surface.xodr"
-    surface = '<surface>\n<CRG file="a.crg" sStart="0" sEnd="9" orientation="same" mode="global"/></surface>'
+    surface = (
+        '<surface>\n<CRG file="a.crg" sStart="0" sEnd="9" orientation="same" '
+        'mode="global"/></surface>'
+    )
     path.write_text(source.read_text().replace("</road>", f"{surface}</road>", 1))
     with pytest.raises(Unsupported, match=r"surface\.xodr:\d+: .*mode='global'"):
         maps.place_map(path, turn=1.0)

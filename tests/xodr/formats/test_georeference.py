@@ -27,10 +27,16 @@ from xodr.formats.maps.projecting import Projector
 from xodr.model.geometry import Cubic
 
 PLACES = np.array([[x, y, 3.0] for x in (-1e3, 0.0, 1e3) for y in (-1e3, 0.0, 1e3)])
-ENDINGS = {"lanelet2": "map.osm", "sumo": "map.net.xml", "commonroad": "map.xml", "geojson": "map.geojson"}  # fmt: skip
+ENDINGS = {
+    "lanelet2": "map.osm",
+    "sumo": "map.net.xml",
+    "commonroad": "map.xml",
+    "geojson": "map.geojson",
+}
 ROAD = RoadDesign(
     "1", "", PlanPose(0.0, 0.0, 0.3), (arc(40.0, 0.005),),
-    (SectionDesign(0.0, {-1: LaneDesign("driving", (Cubic(0.0, 3.5, 0.0, 0.0, 0.0),))}, "none"),), "town", 50 / 3.6,
+    (SectionDesign(0.0, {-1: LaneDesign("driving", (Cubic(0.0, 3.5, 0.0, 0.0, 0.0),))}, "none"),),
+    "town", 50 / 3.6,
 )  # fmt: skip
 
 
@@ -47,15 +53,18 @@ def projections(draw: st.DrawFn) -> Geo:
             [
                 f"+proj=utm +zone={zone}{south} +datum=WGS84 +units=m +no_defs",
                 f"+proj=utm +zone={zone}{south} +ellps=GRS80 +units=m +no_defs",
-                f"+proj=tmerc +lat_0={latitude:.7f} +lon_0={longitude:.7f} +k={scale} +x_0=500 +y_0=-70 +datum=WGS84 +units=m",
-                f"+proj=lcc +lat_1={latitude - 1:.3f} +lat_2={latitude + 1.5:.3f} +lat_0={latitude:.3f} +lon_0={longitude:.3f}"
+                (f"+proj=tmerc +lat_0={latitude:.7f} +lon_0={longitude:.7f} +k={scale} "
+                "+x_0=500 +y_0=-70 +datum=WGS84 +units=m"),
+                f"+proj=lcc +lat_1={latitude - 1:.3f} +lat_2={latitude + 1.5:.3f} "
+                f"+lat_0={latitude:.3f} +lon_0={longitude:.3f}"
                 " +ellps=GRS80 +units=m",
                 f"EPSG:{(32701 if south else 32601) + zone - 1}",
                 "EPSG:3857",
             ]
         )
     )  # fmt: skip
-    easting, northing = pyproj.Transformer.from_crs("EPSG:4326", projection, always_xy=True).transform(
+    easting, northing = pyproj.Transformer.from_crs("EPSG:4326", projection,
+        always_xy=True).transform(
         longitude, latitude
     )  # fmt: skip
     heading = draw(st.sampled_from([0.0, 0.0, 1.1, -3.0]))

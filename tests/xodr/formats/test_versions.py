@@ -1,4 +1,6 @@
-"""OpenDRIVE files in other versions: valid there, with the same roads, and refused where the roads would be others."""
+"""OpenDRIVE files in other versions: valid there, with the same roads, and
+refused where the roads would be others.
+"""
 
 from __future__ import annotations
 
@@ -128,13 +130,16 @@ def test_restrictions_of_a_lane_stay_in_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("version", "change", "reason"),
     [
-        ((1, 7), ('direction="both"', 'direction="reversed"'), "has no lanes whose traffic is reversed"),
+        ((1, 7), ('direction="both"', 'direction="reversed"'),
+            "has no lanes whose traffic is reversed"),
         ((1, 4), ('rule="RHT"', 'rule="LHT"'), "has no left-hand traffic"),
         ((1, 8), ('layer="permanent"', 'layer="temporary"'), "has no temporary lanes"),
-        ((1, 4), ("</header>", '<offset x="5" y="0" z="0" hdg="0"/></header>'), "place --without-offset"),
+        ((1, 4), ("</header>", ('<offset x="5" y="0" z="0" '
+                               'hdg="0"/></header>')), "place --without-offset"),
         (
             (1, 6),
-            ("<elevationProfile/>", '<lateralProfile><crossfall s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>'),
+            ("<elevationProfile/>", ('<lateralProfile><crossfall s="0" a="0.1" b="0" c="0" '
+                                    'd="0"/></lateralProfile>')),
             "has no crossfall",
         ),
     ],
@@ -201,7 +206,9 @@ def test_each_change_is_for_some_versions_only() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS[:4], ids=name_of)
 def test_valid_public_roads_are_valid_in_other_versions(version: Version) -> None:
-    """Few are not: ids used twice, values that one XSD alone knows, more attributes that 1.5 alone asks for."""
+    """Few are not: ids used twice, values that one XSD alone knows, more
+    attributes that 1.5 alone asks for.
+    """
     schema, valid, made = schema_of(version), 0, 0
     for folder in ("corpora", "wild"):
         for path in sorted((SHARED / folder).rglob("*.xodr")):

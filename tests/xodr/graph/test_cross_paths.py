@@ -1,4 +1,6 @@
-"""Ways across a junction for pedestrians: cross paths join lanes of two roads between their ends (OpenDRIVE 1.8)."""
+"""Ways across a junction for pedestrians: cross paths join lanes of two roads
+between their ends (OpenDRIVE 1.8).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from xodr.graph.network import RoadNetwork
 
 CROSS_PATH = (
     '<crossPath id="6" crossingRoad="75" roadAtStart="1" roadAtEnd="2">'
-    '<startLaneLink s="{start}" from="2" to="1"/><endLaneLink s="{end}" from="-2" to="1"/></crossPath>'
+    '<startLaneLink s="{start}" from="2" to="1"/><endLaneLink s="{end}" from="-2" '
+    'to="1"/></crossPath>'
 )
 
 
@@ -22,13 +25,17 @@ def lanes(side: str, *lanes: tuple[int, str, float], offset: float = 0.0) -> str
         for i, kind, width in lanes
     )
     shift = f'<laneOffset s="0" a="{offset}" b="0" c="0" d="0"/>' if offset else ""
-    return f'{shift}<laneSection s="0"><{side}>{inner}</{side}><center><lane id="0" type="none"/></center></laneSection>'
+    return (
+        f'{shift}<laneSection s="0"><{side}>{inner}</{side}><center><lane id="0" '
+        'type="none"/></center></laneSection>'
+    )
 
 
 def roads(
     files: Files, cross_path: str = CROSS_PATH, start: float = 30.0, end: float = 30.0
 ) -> tuple[str, ...]:
-    """Two roads along x, 60 m long and 30 m apart, with the cross path between their inner sidewalks at x = 30.
+    """Two roads along x, 60 m long and 30 m apart, with the cross path between
+    their inner sidewalks at x = 30.
 
     y = 30   2 ───────────────────────────
     y = 25.5   · · · · · sidewalk · · · ·

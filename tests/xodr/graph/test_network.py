@@ -29,7 +29,8 @@ from xodr.reader.roads import read_sections
 LANES = (
     '<lanes><laneOffset s="0" a="0.5" b="0.01"/><laneSection s="0"><left>'
     '<lane id="1" type="driving"><width sOffset="0" a="3" b="0.02"/></lane>'
-    '<lane id="2" type="sidewalk"><width sOffset="0" a="2"/></lane></left><center><lane id="0" type="none"/></center><right>'
+    '<lane id="2" type="sidewalk"><width sOffset="0" a="2"/></lane></left><center><lane id="0" '
+    'type="none"/></center><right>'
     '<lane id="-1" type="driving"><width sOffset="0" a="3.5"/></lane></right></laneSection></lanes>'
 )
 

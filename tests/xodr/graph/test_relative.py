@@ -71,7 +71,8 @@ def test_in_lane_coordinates_the_lane_goes_on_by_its_links(files) -> None:
             lanes=files.section(right=2),
             link=files.to_junction("predecessor", "a"),
         ),
-        f'<junction id="a" type="direct">{files.connection("1", "2", -1, -2, direct=True)}</junction>',
+        '<junction id="a" '
+        f'type="direct">{files.connection("1", "2", -1, -2, direct=True)}</junction>',
     )
     seen = network.relative_in_lane(
         network.lane_point("1", -1, 90.0), network.lane_point("2", -2, 20.0, 0.4)

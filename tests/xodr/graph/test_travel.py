@@ -321,7 +321,10 @@ def test_a_chooser_may_stay(fork) -> None:
 
 
 def test_direct_junctions_link_roads_without_connecting_roads(files) -> None:
-    junction = f'<junction id="d" type="direct">{files.connection("1", "2", -2, -1, direct=True)}</junction>'
+    junction = (
+        '<junction id="d" '
+        f'type="direct">{files.connection("1", "2", -2, -1, direct=True)}</junction>'
+    )
     network = files.load(
         files.road("1", link='<successor elementType="junction" elementId="d"/>'),
         files.road(

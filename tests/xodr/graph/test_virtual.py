@@ -11,7 +11,8 @@ from xodr.graph.network import RoadNetwork
 
 @pytest.fixture(scope="module")
 def siding(files) -> RoadNetwork:
-    """Road 2 leaves road 1 at s=40 to the right and comes back at s=160; traffic of road 1's left lane uses neither.
+    """Road 2 leaves road 1 at s=40 to the right and comes back at s=160; traffic
+    of road 1's left lane uses neither.
 
     1 ──────┬──────────────────┬────── 200 m, straight on
             └──── 2, 120 m ────┘
@@ -22,7 +23,8 @@ def siding(files) -> RoadNetwork:
     )
     junction = (
         '<junction id="v" type="virtual" mainRoad="1" sStart="40" sEnd="160" orientation="+">'
-        '<connection id="0" incomingRoad="1" connectingRoad="2" contactPoint="start"><laneLink from="-1" to="-1"/></connection>'
+        '<connection id="0" incomingRoad="1" connectingRoad="2" contactPoint="start"><laneLink '
+        'from="-1" to="-1"/></connection>'
         "</junction>"
     )
     main = files.section(left=1, right=1, linked=False)
@@ -117,10 +119,15 @@ def test_someone_who_stops_at_the_way_off_takes_it_later(siding: RoadNetwork) ->
 
 
 def test_a_way_off_that_a_lane_link_of_the_junction_names(files) -> None:
-    """The road's lanes link none of the main road's; the junction does. A lane narrows across the border."""
+    """The road's lanes link none of the main road's; the junction does. A lane
+    narrows across the border.
+    """
     link = '<predecessor elementType="road" elementId="1" elementS="50" elementDir="-"/>'
     connection = files.connection("1", "2", lane_from=1, lane_to=-1)
-    junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="45" sEnd="55">{connection}</junction>'
+    junction = (
+        '<junction id="v" type="virtual" mainRoad="1" sStart="45" '
+        f'sEnd="55">{connection}</junction>'
+    )
     lanes = files.section(
         left=1,
         right=1,
@@ -150,7 +157,10 @@ def test_a_way_off_without_a_place_is_not_followed(files) -> None:
         + files.connection("1", "3")
         + '<connection id="2" type="virtual"/>'
     )
-    junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="10" sEnd="20">{connection}</junction>'
+    junction = (
+        '<junction id="v" type="virtual" mainRoad="1" sStart="10" '
+        f'sEnd="20">{connection}</junction>'
+    )
     link = '<predecessor elementType="road" elementId="1" elementS="10" elementDir="+"/>'
     roads = [
         files.road("1"),
@@ -159,14 +169,20 @@ def test_a_way_off_without_a_place_is_not_followed(files) -> None:
     ]
     network = files.load(*roads, junction)
     assert [remark.message for remark in network.remarks] == [
-        "junction: the virtual junction 'v' lies beside its main road; 2 of 3 ways off that road are not followed"
+        (
+            "junction: the virtual junction 'v' lies beside its main road; 2 of 3 ways off that "
+            "road are not followed"
+        )
     ]
 
 
 @pytest.mark.parametrize("s", ["0", "100", "250", "-3"])
 def test_a_road_that_begins_at_no_place_inside_the_other_leaves_it_whole(files, s: str) -> None:
     link = f'<predecessor elementType="road" elementId="1" elementS="{s}" elementDir="+"/>'
-    junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="10" sEnd="20">{files.connection("1", "2")}</junction>'
+    junction = (
+        '<junction id="v" type="virtual" mainRoad="1" sStart="10" '
+        f'sEnd="20">{files.connection("1", "2")}</junction>'
+    )
     network = files.load(files.road("1"), files.road("2", link=link), junction)
     assert len(network.road("1").sections) == 1
     assert "not followed" in network.remarks[0].message

@@ -117,7 +117,8 @@ def test_positions_that_are_none_are_refused(network: RoadNetwork) -> None:
 
 def test_positions_on_geometries_that_overlap_have_a_place(files) -> None:
     geometry = "".join(
-        f'<geometry s="{s}" x="{s}" y="0" hdg="0" length="{length}"><arc curvature="0.001"/></geometry>'
+        f'<geometry s="{s}" x="{s}" y="0" hdg="0" length="{length}"><arc '
+        'curvature="0.001"/></geometry>'
         for s, length in ((0, 60), (0, 60), (40, 60))
     )
     places = placing.place(files.load(files.road(geometry=geometry)), [20.0, 80.0], [-1.0, -1.0])

@@ -13,7 +13,10 @@ from xodr.reader import load
 
 
 def test_the_header_gives_name_projection_and_offset(files) -> None:
-    header = '<geoReference><![CDATA[ +proj=utm +zone=32 ]]></geoReference><offset x="1" y="2" z="3" hdg="0.5"/>'
+    header = (
+        '<geoReference><![CDATA[ +proj=utm +zone=32 ]]></geoReference><offset x="1" '
+        'y="2" z="3" hdg="0.5"/>'
+    )
     network = files.load(files.road(), header=header)
     assert network.name == "test"
     assert network.geo_reference == "+proj=utm +zone=32"
@@ -46,7 +49,10 @@ def test_elements_of_no_length_are_left_out(files) -> None:
 
 def test_marks_hold_from_their_place_on(files) -> None:
     center = '<roadMark sOffset="0" type="solid solid" color="yellow" width="0.12"/>'
-    lane = '<roadMark sOffset="50" type="solid"/><roadMark sOffset="0" type="broken" color="standard" width=""/>'
+    lane = (
+        '<roadMark sOffset="50" type="solid"/><roadMark sOffset="0" type="broken" '
+        'color="standard" width=""/>'
+    )
     path = files.write(files.road())
     text = path.read_text()
     for lane_id, marks in (("0", center), ("-1", lane)):
@@ -73,14 +79,16 @@ def test_marks_hold_from_their_place_on(files) -> None:
 
 def test_signals_keep_what_a_traffic_light_needs(files) -> None:
     signals = (
-        '<signals><signal s="80" t="-5" id="7" name="light" dynamic="yes" orientation="+" zOffset="4" country="OpenDRIVE"'
+        '<signals><signal s="80" t="-5" id="7" name="light" dynamic="yes" orientation="+" '
+        'zOffset="4" country="OpenDRIVE"'
         ' type="1000001" subtype="-1" value="-1"><validity fromLane="-2" toLane="-1"/></signal>'
         '<signal s="10" t="3" id="8" dynamic="no" orientation="-"/>'
         '<signalReference id="7" s="20" t="1" orientation="none"/></signals>'
     )
     network = files.load(
         files.road(more=signals),
-        '<controller id="c" name="phase" sequence="2"><control signalId="7" type="0"/></controller>',
+        '<controller id="c" name="phase" sequence="2"><control signalId="7" '
+        'type="0"/></controller>',
     )
     light, plain = network.signals["7"], network.signals["8"]
     assert (light.road_id, light.s, light.t, light.dynamic, light.type, light.orientation) == (
@@ -99,8 +107,10 @@ def test_signals_keep_what_a_traffic_light_needs(files) -> None:
 
 def test_objects_keep_dimensions_and_outlines(files) -> None:
     objects = (
-        '<objects><object id="o" type="building" s="30" t="12" zOffset="0" hdg="0.1" length="8" width="4" height="3">'
-        '<outlines><outline><cornerLocal u="1" v="2" z="0" height="3"/><cornerRoad s="31" t="12" dz="0" height="3"/></outline>'
+        '<objects><object id="o" type="building" s="30" t="12" zOffset="0" hdg="0.1" length="8" '
+        'width="4" height="3">'
+        '<outlines><outline><cornerLocal u="1" v="2" z="0" height="3"/><cornerRoad s="31" t="12" '
+        'dz="0" height="3"/></outline>'
         "</outlines></object></objects>"
     )
     (item,) = files.load(files.road(more=objects)).road("1").objects
@@ -141,8 +151,10 @@ def test_a_lanes_own_speed_limit_comes_first(files) -> None:
 
 def test_borders_describe_lanes_as_widths_do(files) -> None:
     lanes = (
-        '<laneSection s="0"><left><lane id="1" type="driving"><border sOffset="0" a="3" b="0.01"/></lane></left>'
-        '<center><lane id="0" type="none"/></center><right><lane id="-1" type="driving"><border sOffset="0" a="-3"/></lane>'
+        '<laneSection s="0"><left><lane id="1" type="driving"><border sOffset="0" a="3" '
+        'b="0.01"/></lane></left>'
+        '<center><lane id="0" type="none"/></center><right><lane id="-1" type="driving"><border '
+        'sOffset="0" a="-3"/></lane>'
         '<lane id="-2" type="shoulder"><border sOffset="0" a="-4"/></lane></right></laneSection>'
     )
     road = files.load(files.road(lanes=lanes)).road("1")

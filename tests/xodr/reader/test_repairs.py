@@ -1,4 +1,6 @@
-"""Every repair: what it assumes, its remark, its refusal where reading is strict, and the rule that a check names."""
+"""Every repair: what it assumes, its remark, its refusal where reading is
+strict, and the rule that a check names.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +117,8 @@ CASES = [
         "lanes_on_the_wrong_side",
         SECTIONS,
         12,
-        "lane: the lane ids on the right side have the sign of the other side; read with the sign of their side",
+        "lane: the lane ids on the right side have the sign of the other side; read with the sign "
+        "of their side",
     ),
     Case(
         "link_to_an_unknown_end",
@@ -375,11 +378,22 @@ def test_heights_of_other_names_are_read_as_none(tmp_path: Path) -> None:
 
 
 def test_other_elements_of_the_same_names_are_left_alone(tmp_path: Path) -> None:
-    """Types of road marks, borders of objects and speeds of signs have no start and no coefficients."""
+    """Types of road marks, borders of objects and speeds of signs have no start
+    and no coefficients.
+    """
     text = (LIBRARY / "narrow_road.xodr").read_text()
-    mark = '<roadMark sOffset="0" type="solid" color="white"><type name="solid" width="0.1"/></roadMark>'
-    of_objects = '<objects><object id="1" s="1" t="1" zOffset="0"><borders><border outlineId="0" type="curb" width="1"/></borders>'
-    signs = '<signals><signal id="1" s="1" t="1" zOffset="0"><semantics><speed type="zone" unit="km/h" value="30"/></semantics>'
+    mark = (
+        '<roadMark sOffset="0" type="solid" color="white"><type name="solid" '
+        'width="0.1"/></roadMark>'
+    )
+    of_objects = (
+        '<objects><object id="1" s="1" t="1" zOffset="0"><borders><border outlineId="0" '
+        'type="curb" width="1"/></borders>'
+    )
+    signs = (
+        '<signals><signal id="1" s="1" t="1" zOffset="0"><semantics><speed type="zone" '
+        'unit="km/h" value="30"/></semantics>'
+    )
     text = text.replace("</width>", "").replace(
         "</road>", f"{of_objects}</object></objects>{signs}</signal></signals></road>"
     )

@@ -39,7 +39,9 @@ TOUCHING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class LaneletBounds:
-    """The bounds of a lanelet, turned to its direction of travel: ways, ids of nodes, and points."""
+    """The bounds of a lanelet, turned to its direction of travel: ways, ids of
+    nodes, and points.
+    """
 
     ways: tuple[OsmWay, OsmWay]
     nodes: tuple[tuple[str, ...], tuple[str, ...]]
@@ -81,7 +83,8 @@ def _bound(osm: Osm, relation: Relation, role: str) -> OsmWay:
     short = next((way for way in ways if len(way.nodes) < 2), None)
     if short is not None:
         raise relation.invalid(
-            f"its {role} bound, way {short.id}, has {len(short.nodes)} nodes, two or more are needed"
+            f"its {role} bound, way {short.id}, has {len(short.nodes)} nodes, "
+            "two or more are needed"
         )
     line = _joined([way.nodes for way in ways])
     if line is None:
@@ -265,11 +268,13 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
         name = f"{left.id}|{right.id}"
         table[name] = replace(
             left, id=name, left=left.right, right=right.left, successors=(lanelet.id,),
-            beside_right=LaneletNeighbour(right.id, True), left_mark=left.right_mark, right_mark=right.left_mark, lights=(),
+            beside_right=LaneletNeighbour(right.id, True), left_mark=left.right_mark,
+            right_mark=right.left_mark, lights=(),
         )  # fmt: skip
         table[left.id] = replace(left, beside_right=LaneletNeighbour(name, True))
         notes.append(
-            f"lanelet {lanelet.id} goes on between {left.id} and {right.id}: a lane is added there, {name}"
+            f"lanelet {lanelet.id} goes on between {left.id} and {right.id}: a lane is added "
+            f"there, {name}"
         )
     return notes
 
@@ -320,13 +325,16 @@ def _led_into(table: dict[str, Lanelet]) -> list[str]:
         )[target.id]
         table[lanelet.id] = replace(lanelet, successors=(rest,))
         notes.append(
-            f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {rest}"
+            f"lanelet {lanelet.id} ends upon {target.id}: it leads into that "
+            f"one's second part, {rest}"
         )
     return notes
 
 
 def _ends_upon(lanelet: Lanelet, other: Lanelet) -> bool:
-    """Whether both corners of a lanelet's end lie on the bounds of another one, away from its ends."""
+    """Whether both corners of a lanelet's end lie on the bounds of another one,
+    away from its ends.
+    """
     pairs = ((lanelet.left[-1], other.left), (lanelet.right[-1], other.right))
     if lanelet.type != other.type or np.hypot(*(lanelet.left[-1] - lanelet.right[-1])) < _BESIDE:
         return False

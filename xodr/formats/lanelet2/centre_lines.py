@@ -139,19 +139,22 @@ class _CentreLineSamples:
         notes = []
         if any(lane.successors is None for lane in self._lanes):
             notes.append(
-                f"which lanes follow each other is inferred: those whose centre lines meet within {MEETING:g} m"
+                "which lanes follow each other is inferred: those whose centre lines meet within "
+                f"{MEETING:g} m"
             )
         notes.append(
             f"lanes beside each other are inferred from their centre lines: {len(right)} pairs"
         )
         if any(cuts.values()):
             notes.append(
-                f"{sum(map(bool, cuts.values()))} lanes are split where one beside them begins or ends"
+                f"{sum(map(bool, cuts.values()))} lanes are split where one "
+                "beside them begins or ends"
             )
         notes.append("bounds of lanes are inferred from centre lines and the lines beside them")
         if self._widths_unknown:
             notes.append(
-                f"{self._widths_unknown} bounds have no line near them: they are {_USUAL:g} m from the centre"
+                f"{self._widths_unknown} bounds have no line near them: they are {_USUAL:g} m "
+                "from the centre"
             )
         return notes
 

@@ -164,7 +164,8 @@ class _Builder:
         fastest = max(lanelet.speed_limit for lanelet in first)
         lanes = {-lane - 1: self._lane(number, lane, fastest) for lane in range(len(first))}
         return RoadDesign(
-            str(number + 1), " ".join(name for lane in bundle.lanes for name in lane), form.start, form.plan,
+            str(number + 1), " ".join(name for lane in bundle.lanes for name in lane), form.start,
+            form.plan,
             (SectionDesign(0.0, lanes, first[0].left_mark),), first[0].road_type, fastest,
             junction=str(self._junction(number, False) if bundle.inside else -1),
             predecessor=self._link(number, False), successor=self._link(number, True),
@@ -177,7 +178,8 @@ class _Builder:
             self.shapes[number],
         )
         return LaneDesign(
-            lanelet.type, _cubics(form, form.t[:, :, lane] - form.t[:, :, lane + 1]), lanelet.right_mark,
+            lanelet.type, _cubics(form, form.t[:, :, lane] - form.t[:, :, lane + 1]),
+            lanelet.right_mark,
             self._linked(number, lane, False), self._linked(number, lane, True),
             lanelet.speed_limit if lanelet.speed_limit < fastest else None,
         )  # fmt: skip
@@ -321,7 +323,9 @@ def _farthest(bound: Points, borders: list[Points]) -> float:
 
 
 def _off_centre(lanelet: Lanelet, lane: _Lines) -> float:
-    """Return the distance of a lane's centre from the middle between its bounds, across the road."""
+    """Return the distance of a lane's centre from the middle between its bounds,
+    across the road.
+    """
     sideways = lane.left - lane.right
     onward = np.column_stack([sideways[:, 1], -sideways[:, 0]])
     wide = np.hypot(*sideways.T) > STEP

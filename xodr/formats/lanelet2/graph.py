@@ -79,7 +79,8 @@ class Graph:
             gap = _gap(self.lanelets[left].right, self.lanelets[self._known(right)].left)
             if gap > APART or right in taken:
                 self.notes.append(
-                    f"lanelets {left} and {right} are declared neighbours, but are {gap:.2f} m apart: kept as two roads"
+                    f"lanelets {left} and {right} are declared neighbours, but are {gap:.2f} m "
+                    "apart: kept as two roads"
                 )
                 continue
             right_neighbours[left] = right
@@ -219,7 +220,9 @@ class Layout:
         }
 
     def index(self, number: int, at_end: bool) -> int | None:
-        """Return the number of the joint at the end (start) of a bundle; None where there is none."""
+        """Return the number of the joint at the end (start) of a bundle; None
+        where there is none.
+        """
         return self._at.get((number, at_end))
 
     def joint(self, number: int, at_end: bool) -> Joint | None:

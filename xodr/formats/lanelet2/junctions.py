@@ -123,7 +123,9 @@ def _single(rows: Layout, number: int) -> tuple[bool, bool]:
 
 
 def _crosses(graph: Graph, rows: Layout, number: int) -> bool:
-    """Whether a row crosses another one; a long row without splits and merges crosses on a bridge."""
+    """Whether a row crosses another one; a long row without splits and merges
+    crosses on a bridge.
+    """
     if not any(graph.crossings[name] for name in rows.bundles[number].first):
         return False
     joints = (rows.joint(number, False), rows.joint(number, True))

@@ -73,7 +73,9 @@ class CrossLine(NamedTuple):
     heading: float
 
     def local(self, points: Points) -> Points:
-        """Return the coordinates (n, 2) of points ahead of the line and to the left of (x, y), m."""
+        """Return the coordinates (n, 2) of points ahead of the line and to the
+        left of (x, y), m.
+        """
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]])
 

@@ -45,27 +45,33 @@ _GAP = 0.5
 _NOWHERE = ("+proj=utm +zone=31 +datum=WGS84 +units=m +no_defs", (166021.4431793306, 0.0, 0.0, 0.0))
 """Projection of maps without one, with its offset: about latitude 0, longitude 0."""
 _LINES = {
-    "solid": ("line_thin", "solid"), "broken": ("line_thin", "dashed"), "solid solid": ("line_thin", "solid_solid"),
-    "solid broken": ("line_thin", "solid_dashed"), "broken solid": ("line_thin", "dashed_solid"), "curb": ("curbstone", "high"),
+    "solid": ("line_thin", "solid"), "broken": ("line_thin", "dashed"),
+    "solid solid": ("line_thin", "solid_solid"),
+    "solid broken": ("line_thin", "solid_dashed"), "broken solid": ("line_thin", "dashed_solid"),
+    "curb": ("curbstone", "high"),
     "broken broken": ("line_thin", "dashed"),
 }  # fmt: skip
 """Type and subtype of ways by road mark; others are virtual."""
 _SUBTYPES = {
-    "biking": ("bicycle_lane", "bicycle"), "sidewalk": ("walkway", "pedestrian"), "walking": ("walkway", "pedestrian"),
+    "biking": ("bicycle_lane", "bicycle"), "sidewalk": ("walkway", "pedestrian"),
+    "walking": ("walkway", "pedestrian"),
     "bus": ("bus_lane", "vehicle:bus"), "shoulder": ("emergency_lane", "vehicle:emergency"),
-    "stop": ("emergency_lane", "vehicle:emergency"), "exit": ("exit", "vehicle"), "offRamp": ("exit", "vehicle"),
+    "stop": ("emergency_lane", "vehicle:emergency"), "exit": ("exit", "vehicle"),
+    "offRamp": ("exit", "vehicle"),
     "rail": ("rail", "vehicle"), "tram": ("rail", "vehicle"),
 }  # fmt: skip
 """Subtype of lanelets and their participant by lane type; others are roads or highways."""
 _AREAS = {
-    "border": "keepout", "median": "traffic_island", "curb": "keepout", "restricted": "keepout", "parking": "parking",
+    "border": "keepout", "median": "traffic_island", "curb": "keepout", "restricted": "keepout",
+    "parking": "parking",
 }  # fmt: skip
 """Subtypes of areas by lane types that are no lanelets."""
 _TWO_WAY = {"sidewalk", "walking"}
 _SIDES = ("left", "right")
 _WALK = {"type": "pedestrian_marking"}
 _CROSSWALK_TAGS = {
-    "type": "lanelet", "subtype": "crosswalk", "location": "urban", "one_way": "no", "participant:pedestrian": "yes",
+    "type": "lanelet", "subtype": "crosswalk", "location": "urban", "one_way": "no",
+    "participant:pedestrian": "yes",
 }  # fmt: skip
 _RANK = {"type": "regulatory_element", "subtype": "right_of_way"}
 _URBAN = {"motorway": "nonurban", "rural": "nonurban"}
@@ -415,7 +421,9 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
 
 
 def _heights_beside(points: FloatArray, lanes: Mapping[str, MapLane]) -> FloatArray:
-    """Heights (n,) of the lanes nearest to points (n, 2), m: the outlines of crosswalks have none."""
+    """Heights (n,) of the lanes nearest to points (n, 2), m: the outlines of
+    crosswalks have none.
+    """
     return heights_on(points, [lane.left for lane in lanes.values()])
 
 
@@ -435,8 +443,10 @@ def _map_lane(one: Lanelet, surveyed: Mapping[str, tuple[FloatArray, FloatArray]
         for line in (one.left, one.right)
     )
     return MapLane(
-        one.id, left, right, one.type, one.road_type, None if math.isinf(one.speed_limit) else one.speed_limit,
-        ((one.left_mark, "standard", None), (one.right_mark, "standard", None)), successors=list(one.successors),
+        one.id, left, right, one.type, one.road_type,
+        None if math.isinf(one.speed_limit) else one.speed_limit,
+        ((one.left_mark, "standard", None), (one.right_mark, "standard", None)),
+        successors=list(one.successors),
     )  # fmt: skip
 
 

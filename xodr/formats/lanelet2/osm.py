@@ -272,7 +272,10 @@ def utm_zone(longitude: float) -> int:
 def _geo(latitude: float, longitude: float) -> Geo:
     import pyproj
 
-    projection = f"+proj=utm +zone={utm_zone(longitude)} {'+south ' if latitude < 0.0 else ''}+ellps=WGS84 +units=m +no_defs"
+    projection = (
+        f"+proj=utm +zone={utm_zone(longitude)} {'+south ' if latitude < 0.0 else ''}+ellps=WGS84 "
+        "+units=m +no_defs"
+    )
     easting, northing = pyproj.Proj(projection)(longitude, latitude)
     return Geo(projection, (easting, northing))
 

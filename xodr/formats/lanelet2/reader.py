@@ -206,7 +206,9 @@ def _read(found: Regulations, rule: Relation, subtype: str, lanelets: list[str])
 
 
 def _limit(rule: Relation) -> float | None:
-    """The limit of a regulatory element "speed_limit": its own, or the number of a German sign 274."""
+    """The limit of a regulatory element "speed_limit": its own, or the number of
+    a German sign 274.
+    """
     own = speed_limit(rule)
     sign = rule.tags.get("sign_type")
     if own is not None or sign is None:
@@ -227,8 +229,8 @@ class Lanelets(NamedTuple):
     lanes: lanelets that are lanes, with successors and right neighbours. crosswalks: those that are
     not. priorities: pairs of lanelets of which the first goes before the second. geo: where the map
     is. surveyed: left and right bound with heights, (n, 3) each, by id in the file; none of a flat
-    map. signs: with the ids of lanelets in the file. faces: place and heading of traffic lights that
-    have one. notes: what is left out or assumed, one sentence each.
+    map. signs: with the ids of lanelets in the file. faces: place and heading of traffic lights
+    that have one. notes: what is left out or assumed, one sentence each.
     """
 
     lanes: list[Lanelet]
@@ -299,7 +301,10 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
     notes += _notes(relations, rules)
     if joined:
         notes += [
-            f"bounds of several ways are joined, with the marks of the first: lanelets {' '.join(joined)}",
+            (
+                "bounds of several ways are joined, with the marks of the first: lanelets "
+                f"{' '.join(joined)}"
+            ),
             *splits,
         ]
     surveyed = {}
@@ -342,7 +347,8 @@ def _notes(relations: list[Relation], rules: Regulations) -> list[str]:
         kind = kind_of(relation)
         if kind is None:
             notes.append(
-                f"lanelet {relation.id} is left out: its subtype {relation.tags['subtype']!r} has no lane type"
+                f"lanelet {relation.id} is left out: its subtype {relation.tags['subtype']!r} has "
+                "no lane type"
             )
         elif kind.type not in (*WALKS, CROSSWALK) and not is_strip(relation):
             if relation.tags.get("one_way") == "no":
@@ -353,6 +359,7 @@ def _notes(relations: list[Relation], rules: Regulations) -> list[str]:
                 assumed.append(relation.id)
     if assumed:
         notes.append(
-            f"speed limits are the usual ones, since the map gives none: lanelets {' '.join(assumed)}"
+            "speed limits are the usual ones, since the map gives none: lanelets "
+            f"{' '.join(assumed)}"
         )
     return notes

@@ -87,7 +87,8 @@ def signs_of(
             place, heading = facing(line)
             found.append(
                 MapSignal(
-                    name if len(lines) == 1 else f"{name}/{number}", "sign", _meaning(rule, subtype),
+                    name if len(lines) == 1 else f"{name}/{number}", "sign",
+                    _meaning(rule, subtype),
                     place, heading, tuple(users.get(rule.id, ())),
                 )
             )  # fmt: skip

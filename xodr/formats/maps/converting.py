@@ -64,54 +64,78 @@ FATES: Mapping[str, Fates] = {
     "opendrive": {
         "lane borders": kept("within 5 cm"), "centre lines": kept("within 5 cm"),
         "heights": kept("within 5 cm"), "lane types": kept(), "road types": kept(),
-        "speed limits": kept(), "road marks": changed("types; not colours, widths"), "lane links": kept(),
-        "neighbours": changed("of lanes that lead the same way"), "junctions": kept(), "junction priorities": kept(),
+        "speed limits": kept(), "road marks": changed("types; not colours, widths"),
+        "lane links": kept(),
+        "neighbours": changed("of lanes that lead the same way"), "junctions": kept(),
+        "junction priorities": kept(),
         "crosswalks": kept("outlines on the road's surface"), "traffic lights": kept(),
-        "signs": kept("beside their lanes"), "objects": lost("the way by lanes has none"), "projection": kept(),
+        "signs": kept("beside their lanes"), "objects": lost("the way by lanes has none"),
+        "projection": kept(),
         "offset": kept(), "rule of traffic": changed("roads are one-way, right-hand"),
         "names and ids": changed("new ids; names of lanes are in the names of roads"),
         "lateral profiles": changed("one road for each bundle of lanes"),
     },
     "lanelet2": {
-        "lane borders": kept("ways"), "centre lines": kept("between the ways"), "heights": kept("`ele`"),
-        "lane types": kept("subtypes, areas, tag `lane_type`"), "road types": kept("`location`, tag `road_type`"),
+        "lane borders": kept("ways"), "centre lines": kept("between the ways"),
+        "heights": kept("`ele`"),
+        "lane types": kept("subtypes, areas, tag `lane_type`"),
+        "road types": kept("`location`, tag `road_type`"),
         "speed limits": kept("`speed_limit`"),
-        "road marks": changed("thin lines; not colours, widths"), "lane links": kept("shared nodes"),
-        "neighbours": changed("shared ways: not across a kerb"), "junctions": lost("Lanelet2 has none; lanelets cross"),
+        "road marks": changed("thin lines; not colours, widths"),
+        "lane links": kept("shared nodes"),
+        "neighbours": changed("shared ways: not across a kerb"),
+        "junctions": lost("Lanelet2 has none; lanelets cross"),
         "junction priorities": kept("`right_of_way`"), "crosswalks": kept("lanelets `crosswalk`"),
-        "traffic lights": kept("`traffic_light`"), "signs": kept("`traffic_sign`"), "objects": lost("not written"),
+        "traffic lights": kept("`traffic_light`"), "signs": kept("`traffic_sign`"),
+        "objects": lost("not written"),
         "projection": kept("latitudes, longitudes"), "offset": kept("`local_x`, `local_y`"),
         "rule of traffic": lost("directions say it"), "names and ids": changed("tag `name`"),
         "lateral profiles": lost("lanelets have none"),
     },
     "sumo": {
-        "lane borders": changed("one width for SUMO; exact in parameters `border.left`, `border.right`"),
-        "centre lines": kept("shapes"), "heights": kept("shapes"), "lane types": kept("`type`, `allow`"),
-        "road types": lost("no attribute"), "speed limits": kept("`speed`"), "road marks": lost("SUMO has none"),
-        "lane links": kept("connections"), "neighbours": changed("lanes of an edge"), "junctions": changed("netconvert's nodes"),
+        "lane borders": changed("one width for SUMO; exact in parameters `border.left`, "
+                                "`border.right`"),
+        "centre lines": kept("shapes"), "heights": kept("shapes"),
+        "lane types": kept("`type`, `allow`"),
+        "road types": lost("no attribute"), "speed limits": kept("`speed`"),
+        "road marks": lost("SUMO has none"),
+        "lane links": kept("connections"), "neighbours": changed("lanes of an edge"),
+        "junctions": changed("netconvert's nodes"),
         "junction priorities": lost("netconvert ranks roads"), "crosswalks": lost("not written"),
-        "traffic lights": changed("programs of netconvert; not the place of lights"), "signs": lost("SUMO has none"),
+        "traffic lights": changed("programs of netconvert; not the place of lights"),
+        "signs": lost("SUMO has none"),
         "objects": lost("not written"), "projection": kept("`projParameter`"),
-        "offset": changed("`netOffset`; not height and turn, which lose the projection"), "rule of traffic": kept("`lefthand`"),
+        "offset": changed("`netOffset`; not height and turn, which lose the projection"),
+        "rule of traffic": kept("`lefthand`"),
         "names and ids": kept("`origId`"), "lateral profiles": lost("networks have none"),
     },
     "commonroad": {
-        "lane borders": kept("bounds"), "centre lines": kept("between the bounds"), "heights": kept("z of points"),
-        "lane types": changed(_TYPES), "road types": changed("urban, country, interstate"), "speed limits": kept("sign 274"),
+        "lane borders": kept("bounds"), "centre lines": kept("between the bounds"),
+        "heights": kept("z of points"),
+        "lane types": changed(_TYPES), "road types": changed("urban, country, interstate"),
+        "speed limits": kept("sign 274"),
         "road marks": changed("types; not colours, widths"), "lane links": kept("`successor`"),
-        "neighbours": kept("`adjacentLeft`, `adjacentRight`"), "junctions": changed("type intersection of lanelets"),
+        "neighbours": kept("`adjacentLeft`, `adjacentRight`"),
+        "junctions": changed("type intersection of lanelets"),
         "junction priorities": lost("not written"), "crosswalks": kept("lanelets `crosswalk`"),
-        "traffic lights": changed("place and lanes; without phases"), "signs": lost("not written"), "objects": lost("not written"),
-        "projection": kept("`geoReference`"), "offset": changed("without height"), "rule of traffic": lost("directions say it"),
+        "traffic lights": changed("place and lanes; without phases"), "signs": lost("not written"),
+        "objects": lost("not written"),
+        "projection": kept("`geoReference`"), "offset": changed("without height"),
+        "rule of traffic": lost("directions say it"),
         "names and ids": lost("numbers"), "lateral profiles": lost("lanelets have none"),
     },
     "geojson": {
-        "lane borders": kept("`border`"), "centre lines": kept("`centre`"), "heights": kept("third coordinate"),
-        "lane types": kept(), "road types": kept(), "speed limits": kept(), "road marks": kept(), "lane links": kept("`successors`"),
-        "neighbours": kept("`left`, `right`"), "junctions": changed("a property of lanes"), "junction priorities": kept("`priorities`"),
+        "lane borders": kept("`border`"), "centre lines": kept("`centre`"),
+        "heights": kept("third coordinate"),
+        "lane types": kept(), "road types": kept(), "speed limits": kept(), "road marks": kept(),
+        "lane links": kept("`successors`"),
+        "neighbours": kept("`left`, `right`"), "junctions": changed("a property of lanes"),
+        "junction priorities": kept("`priorities`"),
         "crosswalks": kept("areas"), "traffic lights": kept("points"),
-        "signs": kept("points"), "objects": lost("not written"), "projection": kept("and WGS 84 coordinates"), "offset": kept(),
-        "rule of traffic": kept(), "names and ids": kept("`id`: road/section/lane"), "lateral profiles": lost("lanes only"),
+        "signs": kept("points"), "objects": lost("not written"),
+        "projection": kept("and WGS 84 coordinates"), "offset": kept(),
+        "rule of traffic": kept(), "names and ids": kept("`id`: road/section/lane"),
+        "lateral profiles": lost("lanes only"),
     },
 }  # fmt: skip
 
@@ -173,7 +197,8 @@ def format_of(path: Path) -> str:
             f"the root element {root_tag!r} is of no map format that is known", path=path
         )
     raise UsageError(
-        f"the format of {path.name!r} is not known; names end in .xodr, .osm, .net.xml, .xml or .geojson"
+        f"the format of {path.name!r} is not known; names end in .xodr, .osm, "
+        ".net.xml, .xml or .geojson"
     )
 
 
@@ -209,7 +234,8 @@ def read_map(
     if crossed:
         made.notes.append(
             f"the left border lies to the right of the right one on {len(crossed)} of"
-            f" {len(made.lanes)} lanes: {' '.join(crossed[:_NAMED])}{' …' * (len(crossed) > _NAMED)}"
+            f" {len(made.lanes)} lanes: "
+            f"{' '.join(crossed[:_NAMED])}{' …' * (len(crossed) > _NAMED)}"
         )
     return made
 
@@ -263,7 +289,8 @@ def _read_lanes(path: Path, origin: tuple[float, float] | None, kind: str) -> La
         made.name = path.stem
         made.notes.insert(
             0,
-            "OpenStreetMap has no lanes: netconvert guessed their number, width and ways through junctions",
+            "OpenStreetMap has no lanes: netconvert guessed their number, width and "
+            "ways through junctions",
         )
         return made
     raise UsageError(f"there is no format {kind!r}, only {', '.join(FORMATS)}")
@@ -295,7 +322,8 @@ def convert(
 
     Example:
         >>> import xosc_toolchain as xt
-        >>> made = xt.road.convert("xodr/library/sharp_curve.xodr", "out/sharp_curve.osm", overwrite=True)
+        >>> made = xt.road.convert(
+        ...     "xodr/library/sharp_curve.xodr", "out/sharp_curve.osm", overwrite=True)
         >>> made.difference.borders.largest < 0.05, len(made.difference.connections_lost)
         (True, 0)
     """

@@ -135,9 +135,12 @@ def info(path: str | PathLike[str], *, origin: tuple[float, float] | None = None
         [str(remark) for remark in network.remarks] if network is not None else []
     )
     return MapInfo(
-        kind, len(made.lanes), dict(sorted(lengths.items(), key=lambda item: -item[1])), dict(sorted(limits.items())),
-        len(network.roads) if network is not None else None, len(network.junctions) if network is not None else None,
-        dict(signals), (west, south, east, north), (low, high), made.projection, made.offset, corner, made.left_hand, notes,
+        kind, len(made.lanes), dict(sorted(lengths.items(), key=lambda item: -item[1])),
+        dict(sorted(limits.items())),
+        len(network.roads) if network is not None else None,
+        len(network.junctions) if network is not None else None,
+        dict(signals), (west, south, east, north), (low, high), made.projection, made.offset,
+        corner, made.left_hand, notes,
     )  # fmt: skip
 
 

@@ -26,9 +26,10 @@ from xodr.model import RoadObject
 from xodr.model.road import Road
 
 LANE_TYPES = {
-    "driving", "stop", "shoulder", "biking", "sidewalk", "walking", "border", "restricted", "parking", "bidirectional",
-    "median", "entry", "exit", "offRamp", "onRamp", "rail", "tram", "bus", "taxi", "HOV", "curb", "connectingRamp",
-    "slipLane", "mwyEntry", "mwyExit", "special1", "special2", "special3", "roadWorks", "shared",
+    "driving", "stop", "shoulder", "biking", "sidewalk", "walking", "border", "restricted",
+    "parking", "bidirectional", "median", "entry", "exit", "offRamp", "onRamp", "rail", "tram",
+    "bus", "taxi", "HOV", "curb", "connectingRamp", "slipLane", "mwyEntry", "mwyExit", "special1",
+    "special2", "special3", "roadWorks", "shared",
 }  # fmt: skip
 """Lane types of OpenDRIVE."""
 ROAD_TYPES = {
@@ -98,7 +99,8 @@ class MapSignal:
     """
 
     def __init__(
-        self, id: str, kind: str, what: tuple[str, str, str, float | None, str], place: tuple[float, float, float],
+        self, id: str, kind: str, what: tuple[str, str, str, float | None, str],
+        place: tuple[float, float, float],
         heading: float, lanes: tuple[str, ...],
     ) -> None:  # fmt: skip
         self.id, self.kind, self.place, self.heading, self.lanes = id, kind, place, heading, lanes
@@ -149,7 +151,8 @@ def of_network(network: RoadNetwork) -> LaneMap:
     """The lanes of an OpenDRIVE map."""
     found = {
         name_of(key): MapLane(
-            name_of(key), lanelet.left, lanelet.right, lanelet.lane_type, lanelet.road_type, lanelet.limit,
+            name_of(key), lanelet.left, lanelet.right, lanelet.lane_type, lanelet.road_type,
+            lanelet.limit,
             lanelet.paint, lanelet.in_junction,
             [name_of(other) for other in lanelet.successors],
             (_named(lanelet.beside[0]), _named(lanelet.beside[1])),
@@ -235,7 +238,8 @@ def _signals(network: RoadNetwork) -> list[MapSignal]:
     return [
         MapSignal(
             place.signal.id, "light" if place.signal.dynamic else "sign",
-            (place.signal.type, place.signal.subtype, place.signal.country, place.signal.value, place.signal.unit),
+            (place.signal.type, place.signal.subtype, place.signal.country, place.signal.value,
+                place.signal.unit),
             (place.x, place.y, place.z), place.h, tuple(name_of(key) for key in place.lanes),
         )
         for place in signal_places(network)

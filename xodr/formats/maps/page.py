@@ -19,10 +19,14 @@ from schemas.common.array_types import FloatArray
 from xodr.formats.maps.lane_map import LaneMap, MapLane
 
 COLOURS = {
-    "driving": "#b9c2cc", "bidirectional": "#b9c2cc", "entry": "#c9d4c0", "exit": "#d4cdc0", "onRamp": "#c9d4c0",
-    "offRamp": "#d4cdc0", "connectingRamp": "#c9d4c0", "bus": "#e3c77f", "taxi": "#e3c77f", "HOV": "#e3c77f",
-    "biking": "#e39a8b", "sidewalk": "#d8d8d8", "walking": "#d8d8d8", "shoulder": "#dfe3d4", "stop": "#dfe3d4",
-    "parking": "#c6b9dd", "border": "#e8eadf", "median": "#cfe0c3", "curb": "#cccccc", "restricted": "#ead4d4",
+    "driving": "#b9c2cc", "bidirectional": "#b9c2cc", "entry": "#c9d4c0", "exit": "#d4cdc0",
+    "onRamp": "#c9d4c0",
+    "offRamp": "#d4cdc0", "connectingRamp": "#c9d4c0", "bus": "#e3c77f", "taxi": "#e3c77f",
+    "HOV": "#e3c77f",
+    "biking": "#e39a8b", "sidewalk": "#d8d8d8", "walking": "#d8d8d8", "shoulder": "#dfe3d4",
+    "stop": "#dfe3d4",
+    "parking": "#c6b9dd", "border": "#e8eadf", "median": "#cfe0c3", "curb": "#cccccc",
+    "restricted": "#ead4d4",
     "tram": "#a8b8a8", "rail": "#a8b8a8", "none": "#eeeeee",
 }  # fmt: skip
 """Fill colours by lane type."""
@@ -80,7 +84,8 @@ def write_page(
         for number, finding in enumerate(findings)
     )
     page = (
-        _PAGE.replace("@TITLE@", html.escape(one.name)).replace("@LEGEND@", legend).replace("@ABOUT@", lines)
+        _PAGE.replace("@TITLE@", html.escape(one.name)).replace("@LEGEND@",
+            legend).replace("@ABOUT@", lines)
         .replace("@LIST@", listed).replace("@DATA@", data)
     )  # fmt: skip
     return page.encode()
@@ -111,8 +116,10 @@ _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>@TITLE@</
 body{margin:0;font:13px system-ui,sans-serif;display:flex;height:100vh}
 canvas{flex:1;min-width:0;background:#fbfbf8;cursor:grab}
 aside{width:300px;overflow:auto;padding:10px;border-left:1px solid #ccc;box-sizing:border-box}
-i{display:inline-block;width:12px;height:12px;border:1px solid #999;margin:0 4px 0 8px;vertical-align:middle}
-h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}#told{min-height:3em;color:#333}
+i{display:inline-block;width:12px;height:12px;border:1px solid #999;margin:0 4px 0 8px;
+vertical-align:middle}
+h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}
+#told{min-height:3em;color:#333}
 </style><canvas id="map"></canvas><aside><h1>@TITLE@</h1><div>@LEGEND@</div>
 <label><input type="checkbox" id="arrows" checked> directions</label>
 <label><input type="checkbox" id="links"> connections</label>
@@ -120,49 +127,72 @@ h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}#told{
 <p id="told">Drag to move, turn the wheel to zoom, click a lane.</p>@ABOUT@<ul>@LIST@</ul></aside>
 <script type="application/json" id="data">@DATA@</script><script>
 "use strict";
-const data=JSON.parse(document.getElementById("data").textContent),canvas=document.getElementById("map");
+const data=JSON.parse(document.getElementById("data").textContent),
+canvas=document.getElementById("map");
 const pen=canvas.getContext("2d"),told=document.getElementById("told");
-const box=p=>{let b=[1e12,1e12,-1e12,-1e12];for(const [x,y] of p){b[0]=Math.min(b[0],x);b[1]=Math.min(b[1],y);
+const box=p=>{let b=[1e12,1e12,-1e12,-1e12];for(const [x,y] of p){b[0]=Math.min(b[0],x);
+b[1]=Math.min(b[1],y);
 b[2]=Math.max(b[2],x);b[3]=Math.max(b[3],y)}return b};
-const lanes=data.lanes.map(l=>({type:l[0],left:l[1],right:l[2],centre:l[3],text:l[4],box:box([...l[1],...l[2]])}));
+const lanes=data.lanes.map(l=>({type:l[0],left:l[1],right:l[2],centre:l[3],text:l[4],
+box:box([...l[1],...l[2]])}));
 const other=data.other.map(l=>({left:l[0],right:l[1],box:box([...l[0],...l[1]])}));
-let all=box([...lanes,...other].flatMap(l=>[[l.box[0],l.box[1]],[l.box[2],l.box[3]]])),scale=1,cx=0,cy=0;
-function fit(){const w=canvas.clientWidth,h=canvas.clientHeight;cx=(all[0]+all[2])/2;cy=(all[1]+all[3])/2;
+let all=box([...lanes,...other].flatMap(l=>[[l.box[0],l.box[1]],[l.box[2],l.box[3]]])),scale=1,cx=0,
+cy=0;
+function fit(){const w=canvas.clientWidth,h=canvas.clientHeight;cx=(all[0]+all[2])/2;
+cy=(all[1]+all[3])/2;
 scale=0.9*Math.min(w/Math.max(all[2]-all[0],1),h/Math.max(all[3]-all[1],1))}
 const X=x=>(x-cx)*scale+canvas.clientWidth/2,Y=y=>canvas.clientHeight/2-(y-cy)*scale;
 function path(p){p.forEach(([x,y],n)=>n?pen.lineTo(X(x),Y(y)):pen.moveTo(X(x),Y(y)))}
-function draw(){const w=canvas.clientWidth,h=canvas.clientHeight,r=devicePixelRatio||1;canvas.width=w*r;canvas.height=h*r;
+function draw(){const w=canvas.clientWidth,h=canvas.clientHeight,r=devicePixelRatio||1;
+canvas.width=w*r;canvas.height=h*r;
 pen.setTransform(r,0,0,r,0,0);const v=[cx-w/2/scale,cy-h/2/scale,cx+w/2/scale,cy+h/2/scale];
-const seen=l=>l.box[0]<v[2]&&l.box[2]>v[0]&&l.box[1]<v[3]&&l.box[3]>v[1];const near=lanes.filter(seen);
+const seen=l=>l.box[0]<v[2]&&l.box[2]>v[0]&&l.box[1]<v[3]&&l.box[3]>v[1];
+const near=lanes.filter(seen);
 for(const l of near){pen.fillStyle=data.colours[l.type]||"#dddddd";pen.beginPath();path(l.left);
 for(let n=l.right.length-1;n>=0;n--)pen.lineTo(X(l.right[n][0]),Y(l.right[n][1]));pen.fill()}
-if(scale>0.5){pen.strokeStyle="#667";pen.lineWidth=0.7;for(const l of near){pen.beginPath();path(l.left);path(l.right);pen.stroke()}}
-if(document.getElementById("arrows").checked&&scale>1.5){pen.strokeStyle="#235";pen.lineWidth=1;for(const l of near){
-const n=Math.floor(l.centre.length/2),a=l.centre[Math.max(n-1,0)],b=l.centre[n];const d=Math.hypot(b[0]-a[0],b[1]-a[1])||1;
+if(scale>0.5){pen.strokeStyle="#667";pen.lineWidth=0.7;for(const l of near){pen.beginPath();
+path(l.left);path(l.right);pen.stroke()}}
+if(document.getElementById("arrows").checked&&scale>1.5){pen.strokeStyle="#235";pen.lineWidth=1;
+for(const l of near){
+const n=Math.floor(l.centre.length/2),a=l.centre[Math.max(n-1,0)],b=l.centre[n];
+const d=Math.hypot(b[0]-a[0],b[1]-a[1])||1;
 const ux=(b[0]-a[0])/d,uy=(b[1]-a[1])/d,mx=(a[0]+b[0])/2,my=(a[1]+b[1])/2;pen.beginPath();
-path([[mx-ux*1.5-uy*0.6,my-uy*1.5+ux*0.6],[mx,my],[mx-ux*1.5+uy*0.6,my-uy*1.5-ux*0.6]]);pen.stroke()}}
-if(document.getElementById("links").checked){pen.strokeStyle="#07a";pen.lineWidth=2;pen.fillStyle="#07a";
-for(const k of data.links){if(k[0]>v[0]&&k[0]<v[2]&&k[1]>v[1]&&k[1]<v[3]){pen.beginPath();pen.arc(X(k[0]),Y(k[1]),2.5,0,7);
+path([[mx-ux*1.5-uy*0.6,my-uy*1.5+ux*0.6],[mx,my],[mx-ux*1.5+uy*0.6,my-uy*1.5-ux*0.6]]);
+pen.stroke()}}
+if(document.getElementById("links").checked){pen.strokeStyle="#07a";pen.lineWidth=2;
+pen.fillStyle="#07a";
+for(const k of data.links){if(k[0]>v[0]&&k[0]<v[2]&&k[1]>v[1]&&k[1]<v[3]){pen.beginPath();
+pen.arc(X(k[0]),Y(k[1]),2.5,0,7);
 pen.fill();path([[k[0],k[1]],[k[2],k[3]]]);pen.stroke()}}}
-for(const s of data.signals){pen.fillStyle=s[2].startsWith("light")?"#c60":"#06c";if(scale>0.3)pen.fillRect(X(s[0])-3,Y(s[1])-3,6,6)}
-if(document.getElementById("over").checked){pen.strokeStyle="#d22";pen.lineWidth=1;for(const l of other.filter(seen)){
+for(const s of data.signals){pen.fillStyle=s[2].startsWith("light")?"#c60":"#06c";
+if(scale>0.3)pen.fillRect(X(s[0])-3,Y(s[1])-3,6,6)}
+if(document.getElementById("over").checked){pen.strokeStyle="#d22";pen.lineWidth=1;
+for(const l of other.filter(seen)){
 pen.beginPath();path(l.left);path(l.right);pen.stroke()}
-pen.strokeStyle="#d22";pen.lineWidth=2;for(const f of data.findings){pen.beginPath();pen.arc(X(f[0]),Y(f[1]),7,0,7);pen.stroke()}}}
-addEventListener("resize",draw);document.querySelectorAll("input").forEach(e=>e.addEventListener("change",draw));
-canvas.addEventListener("wheel",e=>{e.preventDefault();const f=Math.exp(-e.deltaY*0.0015),w=canvas.clientWidth,h=canvas.clientHeight;
-const x=cx+(e.offsetX-w/2)/scale,y=cy-(e.offsetY-h/2)/scale;scale*=f;cx=x-(e.offsetX-w/2)/scale;cy=y+(e.offsetY-h/2)/scale;draw()},
+pen.strokeStyle="#d22";pen.lineWidth=2;for(const f of data.findings){pen.beginPath();
+pen.arc(X(f[0]),Y(f[1]),7,0,7);pen.stroke()}}}
+addEventListener("resize",draw);
+document.querySelectorAll("input").forEach(e=>e.addEventListener("change",draw));
+canvas.addEventListener("wheel",e=>{e.preventDefault();const f=Math.exp(-e.deltaY*0.0015),
+w=canvas.clientWidth,h=canvas.clientHeight;
+const x=cx+(e.offsetX-w/2)/scale,y=cy-(e.offsetY-h/2)/scale;scale*=f;cx=x-(e.offsetX-w/2)/scale;
+cy=y+(e.offsetY-h/2)/scale;draw()},
 {passive:false});
-let from=null;canvas.addEventListener("pointerdown",e=>{from=[e.clientX,e.clientY,e.clientX,e.clientY];
+let from=null;canvas.addEventListener("pointerdown",e=>{from=[e.clientX,e.clientY,e.clientX,
+e.clientY];
 canvas.setPointerCapture(e.pointerId)});
-canvas.addEventListener("pointermove",e=>{if(!from)return;cx-=(e.clientX-from[0])/scale;cy+=(e.clientY-from[1])/scale;
+canvas.addEventListener("pointermove",e=>{if(!from)return;cx-=(e.clientX-from[0])/scale;
+cy+=(e.clientY-from[1])/scale;
 from[0]=e.clientX;from[1]=e.clientY;draw()});
 canvas.addEventListener("pointerup",e=>{if(from&&Math.hypot(e.clientX-from[2],e.clientY-from[3])<4){
 const x=cx+(e.offsetX-canvas.clientWidth/2)/scale,y=cy-(e.offsetY-canvas.clientHeight/2)/scale;
 const hit=lanes.filter(l=>inside([...l.left,...[...l.right].reverse()],x,y)).map(l=>l.text);
 told.textContent=`${x.toFixed(2)}, ${y.toFixed(2)} ${hit.join("; ")}`}from=null});
-function inside(p,x,y){let c=false;for(let i=0,j=p.length-1;i<p.length;j=i++){const [a,b]=p[i],[d,f]=p[j];
+function inside(p,x,y){let c=false;for(let i=0,j=p.length-1;i<p.length;j=i++){const [a,b]=p[i],[d,
+f]=p[j];
 if((b>y)!==(f>y)&&x<(d-a)*(y-b)/(f-b)+a)c=!c}return c}
-document.querySelectorAll("a[data-at]").forEach(a=>a.addEventListener("click",e=>{e.preventDefault();
+document.querySelectorAll("a[data-at]").forEach(a=>a.addEventListener("click",e=>{
+e.preventDefault();
 const f=data.findings[+a.dataset.at];cx=f[0];cy=f[1];scale=Math.max(scale,8);draw()}));
 fit();draw();
 </script></html>

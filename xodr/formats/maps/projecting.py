@@ -51,7 +51,9 @@ class Projector:
         return np.asarray(longitude), np.asarray(latitude), line[:, 2] + self._z
 
     def to_map(self, line: FloatArray) -> FloatArray:
-        """Coordinates (n, 3) of the map of longitudes, latitudes (degrees) and heights (m), (n, 3)."""
+        """Coordinates (n, 3) of the map of longitudes, latitudes (degrees) and
+        heights (m), (n, 3).
+        """
         easting, northing = self._transformer.transform(line[:, 0], line[:, 1])
         dx, dy = np.asarray(easting) - self._x, np.asarray(northing) - self._y
         return np.column_stack(

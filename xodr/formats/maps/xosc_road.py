@@ -1,4 +1,6 @@
-"""The command `xosc-road`: maps converted with the error measured, compared, described, shown, cut, placed, joined, repaired, driven on."""
+"""The command `xosc-road`: maps converted with the error measured, compared, described, shown, cut,
+placed, joined, repaired, driven on.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ _EXAMPLES = (
     "xosc-road info xodr/library/roundabout.xodr",
 )
 _EPILOG = exit_codes("done", "the error is beyond --within, or a test drive fails") + (
-    " Formats: OpenDRIVE (.xodr), Lanelet2 (.osm), SUMO (.net.xml), CommonRoad (.xml), GeoJSON (.geojson), and"
+    " Formats: OpenDRIVE (.xodr), Lanelet2 (.osm), SUMO (.net.xml), CommonRoad (.xml), GeoJSON "
+    "(.geojson), and"
     " OpenStreetMap (.osm) to read."
 )
 Source = Annotated[
@@ -74,7 +77,8 @@ Within = Annotated[
     float | None,
     typer.Option(
         min=0.0, metavar="M",
-        help="Fail if a border is farther away than this (m), or a lane or connection is lost or gained.",
+        help="Fail if a border is farther away than this (m), or a lane or "
+             "connection is lost or gained.",
     ),
 ]  # fmt: skip
 
@@ -88,7 +92,9 @@ app = new_app(NAME)
 
 @app.callback(epilog=epilog(_EPILOG, *_EXAMPLES))
 def xosc_road(_verbose: Verbose = False, _version: Version = False) -> None:
-    """Convert, compare, describe, show, cut, place, join, repair and drive on maps; each command has --help."""
+    """Convert, compare, describe, show, cut, place, join, repair and drive on
+    maps; each command has --help.
+    """
 
 
 def _origin(text: str | None) -> tuple[float, float] | None:
@@ -193,7 +199,8 @@ def info_command(
         + ", ".join(
             f"{limit} km/h {length / 1000.0:.3f} km" for limit, length in about.limits.items()
         ),
-        f"bounds: x {west:.2f} to {east:.2f} m, y {south:.2f} to {north:.2f} m, z {about.heights[0]:.2f} to {about.heights[1]:.2f} m",
+        f"bounds: x {west:.2f} to {east:.2f} m, y {south:.2f} to {north:.2f} m, z "
+        f"{about.heights[0]:.2f} to {about.heights[1]:.2f} m",
         f"traffic keeps to the {'left' if about.left_hand else 'right'}",
         f"projection: {about.projection or 'none'}",
         *(
@@ -226,7 +233,9 @@ def show_command(
     overwrite: Overwrite = False,
     _verbose: Verbose = False,
 ) -> None:
-    """Draw a map: lanes by type, directions, connections, signals, and what xosc-check finds in an OpenDRIVE file."""
+    """Draw a map: lanes by type, directions, connections, signals, and what
+    xosc-check finds in an OpenDRIVE file.
+    """
     from xodr.formats.maps.files import format_of, read_map
 
     if out.exists() and not overwrite:
@@ -387,7 +396,9 @@ def repair_command(
     overwrite: Overwrite = False,
     _verbose: Verbose = False,
 ) -> None:
-    """Write an OpenDRIVE file without the faults that have one sensible mend; each mend is a remark."""
+    """Write an OpenDRIVE file without the faults that have one sensible mend;
+    each mend is a remark.
+    """
     from xodr.formats.maps.files import repair
 
     made = repair(path)
@@ -451,10 +462,15 @@ def _table(difference: MapDifference) -> Iterable[str]:
     for name, row in rows:
         where = f"  {row.where}" if row.largest > 0.001 else ""
         yield f"{name:14}{row.median:10.4f}{row.most:10.4f}{row.largest:10.4f}{where}"
-    yield f"within 5 cm at both borders: {difference.within:.2%} of {difference.length / 1000.0:.3f} km of lanes"
+    yield (
+        f"within 5 cm at both borders: {difference.within:.2%} of "
+        f"{difference.length / 1000.0:.3f} km of lanes"
+    )
     for name, lanes in (("lost", difference.lost), ("gained", difference.gained)):
         some = ", ".join(f"{lane} ({length:.0f} m)" for lane, length in list(lanes.items())[:5])
-        yield f"lanes {name}: {len(lanes)}, {sum(lanes.values()):.0f} m{': ' + some if some else ''}"
+        yield (
+            f"lanes {name}: {len(lanes)}, {sum(lanes.values()):.0f} m{': ' + some if some else ''}"
+        )
     yield (
         f"connections: {difference.connections}, lost {len(difference.connections_lost)},"
         f" gained {len(difference.connections_gained)}"
@@ -467,7 +483,10 @@ def _table(difference: MapDifference) -> Iterable[str]:
         yield f"other types: {len(difference.types)} lanes, e.g. {' '.join(difference.types[0])}"
     if difference.limits:
         lane, here, there = difference.limits[0]
-        yield f"other speed limits: {len(difference.limits)} lanes, e.g. {lane}: {_speed(here)}, {_speed(there)}"
+        yield (
+            f"other speed limits: {len(difference.limits)} lanes, e.g. {lane}: {_speed(here)}, "
+            f"{_speed(there)}"
+        )
 
 
 def _speed(limit: float | None) -> str:
@@ -494,7 +513,8 @@ def _verdict(difference: MapDifference, within: float | None) -> int:
         reasons.append(f"{len(difference.lost)} lanes lost, {len(difference.gained)} gained")
     if difference.connections_lost or difference.connections_gained:
         reasons.append(
-            f"{len(difference.connections_lost)} connections lost, {len(difference.connections_gained)} gained"
+            f"{len(difference.connections_lost)} connections lost, "
+            f"{len(difference.connections_gained)} gained"
         )
     if reasons:
         say(f"{NAME}: beyond --within {within:g}: {'; '.join(reasons)}", to=sys.stderr)

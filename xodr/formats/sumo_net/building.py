@@ -102,7 +102,8 @@ def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
         arguments.append(f"--{kind[:-1]}-files={kind}.xml")
     try:
         done = subprocess.run(
-            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())},
+            stdin=subprocess.DEVNULL,
             capture_output=True, timeout=TIMEOUT, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -145,7 +146,8 @@ def osm_network(osm: Path, folder: Path) -> Path:
         arguments += ["--type-files", str(types)]
     try:
         done = subprocess.run(
-            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())},
+            stdin=subprocess.DEVNULL,
             capture_output=True, timeout=TIMEOUT, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -164,7 +166,8 @@ def osm_network(osm: Path, folder: Path) -> Path:
 
 
 _OSM_OPTIONS = (
-    "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple", "--no-turnarounds",
+    "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals",
+    "--tls.discard-simple", "--no-turnarounds",
     "--output.street-names", "--seed=42",
 )  # fmt: skip
 
@@ -206,7 +209,10 @@ class CacheEntry:
             keep(network, self.network)
             keep(json.dumps({"digest": _digest(network), **index}).encode(), self.index)
         except OSError as error:
-            message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
+            message = (
+                f"the cache folder cannot be written ({error.strerror or error}); set "
+                "XOSC_CACHE_DIR to another one"
+            )
             raise UsageError(message, path=self.network.parent) from None
 
 
@@ -259,7 +265,10 @@ def georeference(network: etree._Element, roads: RoadNetwork) -> str | None:
         return None
     x, y, _, heading = roads.header.offset
     if heading:
-        return f"the projection is left out: SUMO can't turn coordinates, and the header's offset turns them by {heading:g} rad"
+        return (
+            "the projection is left out: SUMO can't turn coordinates, and the header's offset "
+            f"turns them by {heading:g} rad"
+        )
     try:
         projection = proj_text(roads)
     except ToolchainError as error:

@@ -102,7 +102,8 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
     for number, (source, target, kind) in enumerate(wanted):
         (start, lane), (end, _) = source.rsplit("_", 1), target.rsplit("_", 1)
         vehicle = etree.SubElement(
-            routes, "vehicle", id=str(number), type=kind, depart=f"{number * _GAP:g}", departLane=lane, departPos="last",
+            routes, "vehicle", id=str(number), type=kind, depart=f"{number * _GAP:g}",
+            departLane=lane, departPos="last",
             departSpeed="0", arrivalPos="max",
         )  # fmt: skip
         etree.SubElement(vehicle, "route", edges=f"{start} {end}")
@@ -110,13 +111,16 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
     with scratch("xosc-drive-") as folder:
         (folder / "r.rou.xml").write_bytes(etree.tostring(routes))
         command = [
-            str(program), "-n", str(net.resolve()), "-r", "r.rou.xml", "--tripinfo-output", "trips.xml", "--no-step-log",
-            "--ignore-route-errors", "--time-to-teleport", "-1", "--collision.action", "none", "--tls.all-off",
+            str(program), "-n", str(net.resolve()), "-r", "r.rou.xml", "--tripinfo-output",
+            "trips.xml", "--no-step-log",
+            "--ignore-route-errors", "--time-to-teleport", "-1", "--collision.action", "none",
+            "--tls.all-off",
             "--end", f"{len(wanted) * _GAP + _LONGEST:g}", "--max-depart-delay", f"{_LONGEST:g}",
         ]  # fmt: skip
         try:
             done = subprocess.run(
-                command, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+                command, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())},
+                stdin=subprocess.DEVNULL,
                 capture_output=True, timeout=_TIMEOUT, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:

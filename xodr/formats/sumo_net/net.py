@@ -17,7 +17,10 @@ from xodr.graph.network import RoadNetwork
 from xodr.model import Lane, LaneLink, LaneSection
 from xodr.model.road import Road
 
-_NOT_ON_ROADS = "pedestrian tram rail_urban rail rail_electric rail_fast ship container cable_car subway aircraft wheelchair scooter drone"
+_NOT_ON_ROADS = (
+    "pedestrian tram rail_urban rail rail_electric rail_fast ship container cable_car subway "
+    "aircraft wheelchair scooter drone"
+)
 
 
 class Use(NamedTuple):

@@ -43,13 +43,16 @@ def keep_last_declarations(root: Node, version: tuple[int, int]) -> Iterator[Rem
             if earlier is not None and canonical(earlier.element) != canonical(node.element):
                 yield node.remark(
                     UNIQUE_DECLARATIONS_UID,
-                    f"{name!r} is declared twice, first in line {earlier.line}; this declaration holds",
+                    f"{name!r} is declared twice, first in line {earlier.line}; "
+                    "this declaration holds",
                 )
                 declarations.element.remove(earlier.element)
 
 
 def tell_repeated_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Report siblings with the same name: all are read, and references to the name are ambiguous."""
+    """Report siblings with the same name: all are read, and references to the
+    name are ambiguous.
+    """
     elements = (
         element
         for element in root.element.iter(etree.Element)
@@ -329,7 +332,10 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
                     f"the attribute {name!r} is in no version of the standard; {right!r} is meant",
                 )
             else:
-                text = f"the attribute {name!r} is in no version of the standard; it is left out, NOT executed"
+                text = (
+                    f"the attribute {name!r} is in no version of the standard; it is left out, "
+                    "NOT executed"
+                )
                 yield node.remark(
                     SCHEMA_UID, text + suggested(name, declared.get(node.tag, ())), ignored(node)
                 )
@@ -436,9 +442,10 @@ def _nearest_value(text: str, values: Collection[str]) -> str | None:
 
 _DEFAULTS = {
     "0": (
-        "Condition/delay", "RelativeObjectPosition/dx", "RelativeObjectPosition/dy", "RelativeWorldPosition/dx",
-        "RelativeWorldPosition/dy", "RelativeRoadPosition/ds", "RelativeRoadPosition/dt", "RelativeLanePosition/dLane",
-        "RoadPosition/t", "FromRoadCoordinates/t", "Center/x", "Center/y", "Center/z", "Timing/offset",
+        "Condition/delay", "RelativeObjectPosition/dx", "RelativeObjectPosition/dy",
+        "RelativeWorldPosition/dx", "RelativeWorldPosition/dy", "RelativeRoadPosition/ds",
+        "RelativeRoadPosition/dt", "RelativeLanePosition/dLane", "RoadPosition/t",
+        "FromRoadCoordinates/t", "Center/x", "Center/y", "Center/z", "Timing/offset",
         "TrafficSwarmAction/offset", "MiscObject/mass", "Pedestrian/mass",
     ),
     "1": ("ManeuverGroup/maximumExecutionCount", "Timing/scale"),
@@ -450,16 +457,19 @@ _DEFAULTS = {
     "position": ("TrajectoryFollowingMode/followingMode", "SpeedProfileAction/followingMode"),
     "true": ("VisibilityAction/graphics", "VisibilityAction/traffic", "VisibilityAction/sensors"),
     "false": (
-        "Actors/selectTriggeringEntities", "Route/closed", "Trajectory/closed", "TimeOfDay/animation",
-        "DistanceCondition/freespace", "RelativeDistanceCondition/freespace", "TimeHeadwayCondition/freespace",
-        "TimeToCollisionCondition/freespace", "LateralDistanceAction/freespace", "LongitudinalDistanceAction/freespace",
-        "DistanceCondition/alongRoute", "TimeHeadwayCondition/alongRoute", "TimeToCollisionCondition/alongRoute",
-        "LaneOffsetAction/continuous", "LateralDistanceAction/continuous", "LongitudinalDistanceAction/continuous",
+        "Actors/selectTriggeringEntities", "Route/closed", "Trajectory/closed",
+        "TimeOfDay/animation", "DistanceCondition/freespace", "RelativeDistanceCondition/freespace",
+        "TimeHeadwayCondition/freespace", "TimeToCollisionCondition/freespace",
+        "LateralDistanceAction/freespace", "LongitudinalDistanceAction/freespace",
+        "DistanceCondition/alongRoute", "TimeHeadwayCondition/alongRoute",
+        "TimeToCollisionCondition/alongRoute", "LaneOffsetAction/continuous",
+        "LateralDistanceAction/continuous", "LongitudinalDistanceAction/continuous",
         "RelativeTargetSpeed/continuous",
     ),
     "": (
-        "FileHeader/author", "FileHeader/description", "Story/name", "Act/name", "ManeuverGroup/name", "Maneuver/name",
-        "Event/name", "Action/name", "Condition/name", "Trajectory/name", "Route/name", "Environment/name",
+        "FileHeader/author", "FileHeader/description", "Story/name", "Act/name",
+        "ManeuverGroup/name", "Maneuver/name", "Event/name", "Action/name", "Condition/name",
+        "Trajectory/name", "Route/name", "Environment/name",
     ),
     "1970-01-01T00:00:00": ("FileHeader/date",),
 }  # fmt: skip

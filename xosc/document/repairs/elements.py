@@ -110,7 +110,8 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
             node.element.text = None
             yield inside[0].remark(
                 SCHEMA_UID,
-                f"the element {inside[0].tag} is none of {node.tag}; its attributes are read as those of it",
+                f"the element {inside[0].tag} is none of {node.tag}; its attributes "
+                "are read as those of it",
             )
     for node in list(root.iter("FinalSpeed")):
         speeds = node.children("AbsoluteSpeed", "RelativeSpeedToMaster")
@@ -136,7 +137,8 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
             above.remove(holder)
         yield astray[0].remark(
             SCHEMA_UID,
-            f"the element {astray[0].tag} belongs in {speeds[0].tag}; it is read as if it were there",
+            f"the element {astray[0].tag} belongs in {speeds[0].tag}; it is "
+            "read as if it were there",
         )
 
 
@@ -282,7 +284,10 @@ def add_missing_boxes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
             box, "Dimensions", length=f"{length:g}", width=f"{width:g}", height=f"{height:g}"
         )
         node.element.append(box)
-        usual = f"that of a usual {category} is assumed: {length:g} m long, {width:g} m wide, {height:g} m high"
+        usual = (
+            f"that of a usual {category} is assumed: {length:g} m long, {width:g} m wide, "
+            f"{height:g} m high"
+        )
         yield node.remark(
             SCHEMA_UID,
             f"{node.tag} {node.get('name', '')!r}: the element BoundingBox is missing; {usual}",
@@ -304,7 +309,9 @@ def _unknown(root: Node, version: tuple[int, int]) -> Iterator[tuple[Node, Itera
 
 
 def remarks_on_violations(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """A remark on each violation; elements of the storyboard that are empty are left to the runner."""
+    """A remark on each violation; elements of the storyboard that are empty are
+    left to the runner.
+    """
     unknown = list(_unknown(root, version))
     for child, absent in unknown:
         text = f"the element {child.tag} is in no version of the standard here; it is NOT executed"

@@ -150,5 +150,8 @@ def _is_read_otherwise(position: Node) -> bool:
 
 def _controllers(scenario: Document) -> Iterator[str]:
     for action in list(scenario.node.iter("ActivateControllerAction")):
-        yield f"{action.where}: {action.tag}: left out, scenario_runner would switch CARLA's autopilot"
+        yield (
+            f"{action.where}: {action.tag}: left out, scenario_runner would "
+            "switch CARLA's autopilot"
+        )
         leave_out(action, scenario.node)

@@ -37,7 +37,10 @@ from xosc.exports.starts import InitialState, RoadGeometry, State, actors, besid
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Path of the triggers that are checked; the stop trigger of the storyboard is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"
-_MAY_END = "[@conditionEdge='falling' or not(ByValueCondition/SimulationTimeCondition[starts-with(@rule, 'greater')])]"
+_MAY_END = (
+    "[@conditionEdge='falling' or not(ByValueCondition/SimulationTimeCondition[starts-with(@rule, "
+    "'greater')])]"
+)
 """A time that has been reached stays so: it has no other edge than that."""
 ASIDE = 0.1
 """m from the lane's middle, where CARLA's controller ends lane changes, that it keeps to."""
@@ -46,12 +49,15 @@ REFUSED = (
     *(
         Rule(f"//Init//{tag}", "scenario_runner has it in stories only")
         for tag in (
-            "LaneChangeAction", "LongitudinalDistanceAction", "RoutingAction", "SynchronizeAction", "InfrastructureAction",
+            "LaneChangeAction", "LongitudinalDistanceAction", "RoutingAction", "SynchronizeAction",
+            "InfrastructureAction",
         )
     ),
-    Rule("//Init//SpeedActionDynamics[@dynamicsShape!='step']", "scenario_runner sets first speeds at once"),
+    Rule("//Init//SpeedActionDynamics[@dynamicsShape!='step']",
+        "scenario_runner sets first speeds at once"),
     Rule("//Init//RelativeTargetSpeed", "scenario_runner's first speeds are absolute"),
-    Rule("//Init//AbsoluteTargetSpeed[number(@value) < 0]", "scenario_runner's first speeds are not negative"),
+    Rule("//Init//AbsoluteTargetSpeed[number(@value) < 0]",
+        "scenario_runner's first speeds are not negative"),
     Rule("//AssignRouteAction | //AcquirePositionAction", "scenario_runner 0.9.16 stops at routes"),
     Rule("//VisibilityAction | //TrafficAction", "scenario_runner does not have this action"),
     Rule("//UserDefinedAction", "scenario_runner would run its text as a command of the shell"),
@@ -60,34 +66,49 @@ REFUSED = (
         "//AssignControllerAction[not(Controller/Properties/Property[@name='module'])]",
         "scenario_runner's controllers are Python modules, which the property 'module' names",
     ),
-    Rule("//OverrideControllerValueAction/*[@active='true' or @active='1']", "scenario_runner does not override controllers"),
+    Rule("//OverrideControllerValueAction/*[@active='true' or @active='1']",
+        "scenario_runner does not override controllers"),
     Rule("//LongitudinalDistanceAction[@timeGap]", "scenario_runner does not have time gaps"),
-    Rule("//FollowTrajectoryAction[.//Clothoid or .//Nurbs or .//ClothoidSpline]", "scenario_runner follows polylines only"),
-    Rule("//Timing[@domainAbsoluteRelative='absolute']", "scenario_runner's times count from the start of the action"),
-    Rule("//Timing[number(@scale)!=1 or number(@offset)!=0]", "scenario_runner reads the times of trajectories as they stand"),
-    Rule(f"//TrafficSignalStateAction{_SIGNAL} | //TrafficSignalCondition{_SIGNAL}", "CARLA's signals are 'id=…' or 'pos=x,y'"),
-    Rule("//TrafficSignalController", "scenario_runner reads the first phase of one controller only"),
+    Rule("//FollowTrajectoryAction[.//Clothoid or .//Nurbs or .//ClothoidSpline]",
+        "scenario_runner follows polylines only"),
+    Rule("//Timing[@domainAbsoluteRelative='absolute']",
+        "scenario_runner's times count from the start of the action"),
+    Rule("//Timing[number(@scale)!=1 or number(@offset)!=0]",
+        "scenario_runner reads the times of trajectories as they stand"),
+    Rule(f"//TrafficSignalStateAction{_SIGNAL} | //TrafficSignalCondition{_SIGNAL}",
+        "CARLA's signals are 'id=…' or 'pos=x,y'"),
+    Rule("//TrafficSignalController",
+        "scenario_runner reads the first phase of one controller only"),
     Rule(
-        "//RelativeObjectPosition[number(@dx) != 0 or number(@dy) != 0]", "scenario_runner takes dx and dy as those of the world"
+        "//RelativeObjectPosition[number(@dx) != 0 or number(@dy) != 0]",
+        "scenario_runner takes dx and dy as those of the world"
     ),
-    Rule("//RoutePosition | //GeoPosition | //TrajectoryPosition", "scenario_runner does not have this position"),
+    Rule("//RoutePosition | //GeoPosition | //TrajectoryPosition",
+        "scenario_runner does not have this position"),
     Rule(
-        "//LanePosition/Orientation[not(@type='relative')] | //RoadPosition/Orientation[not(@type='relative')]",
+        "//LanePosition/Orientation[not(@type='relative')] | "
+        "//RoadPosition/Orientation[not(@type='relative')]",
         "scenario_runner takes every orientation as relative here",
     ),
-    Rule("//Actors[@selectTriggeringEntities='true' or @selectTriggeringEntities='1']", "scenario_runner does not select actors"),
+    Rule("//Actors[@selectTriggeringEntities='true' or @selectTriggeringEntities='1']",
+        "scenario_runner does not select actors"),
     Rule("//EntitySelection", "scenario_runner does not have it"),
     Rule("//Event[number(@maximumExecutionCount) > 1]", "scenario_runner's events happen once"),
-    Rule(f"{_TRIGGERS}//TriggeringEntities[count(EntityRef) > 1]", "scenario_runner looks at one triggering entity"),
-    Rule(f"{_TRIGGERS}//Condition[contains(@conditionEdge, 'alling')]{_MAY_END}", "scenario_runner does not see conditions end"),
-    Rule(f"{_TRIGGERS}//DistanceCondition[@freespace='true' or @freespace='1']", "scenario_runner does not read freespace"),
+    Rule(f"{_TRIGGERS}//TriggeringEntities[count(EntityRef) > 1]",
+        "scenario_runner looks at one triggering entity"),
+    Rule(f"{_TRIGGERS}//Condition[contains(@conditionEdge, 'alling')]{_MAY_END}",
+        "scenario_runner does not see conditions end"),
+    Rule(f"{_TRIGGERS}//DistanceCondition[@freespace='true' or @freespace='1']",
+        "scenario_runner does not read freespace"),
     Rule(f"{_TRIGGERS}//UserDefinedValueCondition", "scenario_runner does not have this condition"),
     Rule(
-        f"{_TRIGGERS}//StoryboardElementStateCondition[@state='runningState' or @state='standbyState' or @state='skipTransition' "
+        f"{_TRIGGERS}//StoryboardElementStateCondition[@state='runningState' or "
+        "@state='standbyState' or @state='skipTransition' "
         "or @storyboardElementType='story' or @storyboardElementType='maneuverGroup']",
         "scenario_runner sees the beginning and the end of acts, maneuvers, events and actions",
     ),
-    Rule("//Act/StopTrigger/ConditionGroup[count(Condition) > 1]", "scenario_runner stops when one of them holds"),
+    Rule("//Act/StopTrigger/ConditionGroup[count(Condition) > 1]",
+        "scenario_runner stops when one of them holds"),
     *(
         Rule(f"//Vehicle[@vehicleCategory='{category}']", "CARLA has no such vehicle")
         for category in ("trailer", "semitrailer", "train", "tram")
@@ -132,7 +153,8 @@ def need_map(document: Document, network: RoadFile | None) -> None:
     """
     if network is None:
         raise (document.node.find("RoadNetwork") or document.node).unsupported(
-            "scenario_runner plays on a map, and this scenario names none: name one in RoadNetwork/LogicFile "
+            "scenario_runner plays on a map, and this scenario names none: name one in "
+            "RoadNetwork/LogicFile "
             "(--road auto makes straight roads where positions name roads)"
         )
 
@@ -180,13 +202,19 @@ def _within(position: Node, length: float | None) -> Iterator[str]:
     s = position.float("s")
     if length is not None and s >= length:
         position.element.set("s", repr(max(length - _BEFORE_THE_END, 0.0)))
-        yield f"{position.where}: {position.tag}: CARLA's road ends at s={length:g}; {_BEFORE_THE_END:g} m before that is written"
+        yield (
+            f"{position.where}: {position.tag}: CARLA's road ends at s={length:g}; "
+            f"{_BEFORE_THE_END:g} m before that is written"
+        )
 
 
 # changes ----------------------------------------------------------------------------------------
 
 
-_UNKNOWN = "scenario_runner's value is to the right of the traffic, and which side that is is known only when it runs"
+_UNKNOWN = (
+    "scenario_runner's value is to the right of the traffic, and which side that is is known only "
+    "when it runs"
+)
 
 
 def change_sides(scenario: Node, known: Mapping[str, InitialState]) -> None:
@@ -336,11 +364,15 @@ def _speed(action: Node, state: State) -> str:
     rate, target = abs(dynamics.float("value")), target_speed(action, state)
     if target is None or speed is None or (not rate and not math.isclose(target, speed)):
         raise dynamics.unsupported(
-            "scenario_runner reads the rate as a time, and what time it takes is known only when it runs"
+            "scenario_runner reads the rate as a time, and what time it takes is "
+            "known only when it runs"
         )
     time = abs(target - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")] if rate else 0.0
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
-    return f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes from {speed:g} m/s"
+    return (
+        f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes "
+        f"from {speed:g} m/s"
+    )
 
 
 def _stop(document: Document) -> str:
@@ -491,7 +523,10 @@ def _over_distance(
         return
     if dimension == "time" and now.speed:
         distance = value * now.speed
-        yield f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that {now.speed:g} m/s make of it"
+        yield (
+            f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that "
+            f"{now.speed:g} m/s make of it"
+        )
     else:
         driven = _driven(action, actor, geometry) if geometry is not None else 0.0
         if not driven:
@@ -500,7 +535,8 @@ def _over_distance(
             )
         distance = driven
         yield (
-            f"{dynamics.where}: {dynamics.tag}: the {dimension} is written as the {distance:g} m that it takes in a run "
+            f"{dynamics.where}: {dynamics.tag}: the {dimension} is written as the {distance:g} m "
+            "that it takes in a run "
             "without a system under test"
         )
     dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})

@@ -70,7 +70,10 @@ def _place(private: Node, start: InitialState) -> Iterator[str]:
     holders = [action.need("Position") for action in private.iter("TeleportAction")]
     if not holders:
         private.element.insert(0, _teleport(start))
-        yield f"{private.where}: Private: the first position is written as where its actions put {private.get('entityRef')!r}"
+        yield (
+            f"{private.where}: Private: the first position is written as where its actions put "
+            f"{private.get('entityRef')!r}"
+        )
         return
     if _is_plain(holders[-1].only()):
         return
@@ -109,7 +112,10 @@ def _rest(private: Node, start: InitialState, scenario: Node) -> Iterator[str]:
             continue
         elif action.tag not in _READ:
             to_story(holder, private.get("entityRef"), scenario)
-            yield f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner has it in stories only"
+            yield (
+                f"{action.where}: {action.tag}: it is done by a story at the beginning, "
+                "scenario_runner has it in stories only"
+            )
 
 
 def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> Iterator[str]:
@@ -117,12 +123,18 @@ def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> I
     step = action.need("SpeedActionDynamics").get("dynamicsShape") == "step"
     if step and not target.bool("continuous", False) and speed >= 0.0:
         if target.tag == "RelativeTargetSpeed":
-            yield f"{target.where}: {target.tag}: the first speed is written as the {speed:g} m/s that it is"
+            yield (
+                f"{target.where}: {target.tag}: the first speed is written as the "
+                f"{speed:g} m/s that it is"
+            )
             absolute = etree.Element("AbsoluteTargetSpeed", value=repr(speed))
             target.element.getparent().replace(target.element, absolute)  # type: ignore[union-attr]
         return
     to_story(holder, holder.parent.get("entityRef"), scenario)  # type: ignore[union-attr]
-    yield f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner's first speeds are set at once"
+    yield (
+        f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner's "
+        "first speeds are set at once"
+    )
 
 
 def to_story(holder: Node, entity: str, scenario: Node) -> None:
@@ -224,13 +236,16 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
         or len(around[0].findall("ConditionGroup/Condition")) > 1
     ):
         raise condition.unsupported(_WAITS)
-    # The moment of a run without a system; a condition on the ego would differ with the system, so it
-    # is refused above.
+    # The moment of a run without a system; a condition on the ego would differ with the system, so
+    # it is refused above.
     for child in condition.children():
         condition.element.remove(child.element)
     value = etree.SubElement(condition.element, "ByValueCondition")
     etree.SubElement(value, "SimulationTimeCondition", value=repr(begins), rule="greaterOrEqual")
-    return f"{condition.where}: Condition: written as the {begins:g} s at which it holds in a run without a system under test"
+    return (
+        f"{condition.where}: Condition: written as the {begins:g} s at which it holds in a run "
+        "without a system under test"
+    )
 
 
 # routes and trajectories ------------------------------------------------------------------------
@@ -238,7 +253,8 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
 
 _CONTROLLER = "simple_vehicle_control"
 _OVERRIDES = {
-    "Throttle": "value", "Brake": "value", "Clutch": "value", "ParkingBrake": "value", "SteeringWheel": "value", "Gear": "number",
+    "Throttle": "value", "Brake": "value", "Clutch": "value", "ParkingBrake": "value",
+    "SteeringWheel": "value", "Gear": "number",
 }  # fmt: skip
 
 
@@ -444,7 +460,10 @@ def _written(action: Node, entity: str, driven: Sequence[Vertex], *, timed: bool
     places, where = _from_its_start(driven), action.where
     if len(places) > 1:
         _replace(action, places if timed else _apart(places), timed=timed)
-        yield f"{where}: {action.tag}: written as the way that {entity} takes in a run without a system under test"
+        yield (
+            f"{where}: {action.tag}: written as the way that {entity} takes in a run without a "
+            "system under test"
+        )
 
 
 def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
@@ -462,7 +481,10 @@ def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
             )
             if place is not None:
                 action.need("Position").element.replace(position.element, world_position(place))
-                yield f"{position.where}: {position.tag}: written as the place where it is in a run without a system under test"
+                yield (
+                    f"{position.where}: {position.tag}: written as the place where it is in a run "
+                    "without a system under test"
+                )
 
 
 def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Unsupported) -> str:
@@ -485,7 +507,8 @@ def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Uns
     where = action.where
     _replace(action, places, timed=False)
     return (
-        f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test, until its next "
+        f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a "
+        "system under test, until its next "
         f"one: {refusal.message}"
     )
 
@@ -595,7 +618,8 @@ def _only_way(action: Node, entity: str, scenario: Node, beside: Sequence[str]) 
             if other.tag == "LateralAction" and _is_first(other):
                 continue
             raise action.unsupported(
-                f"scenario_runner gets the route as a trajectory, which {other.tag} in line {other.line} ends"
+                f"scenario_runner gets the route as a trajectory, which {other.tag} in line "
+                f"{other.line} ends"
             )
 
 

@@ -116,7 +116,8 @@ def catalog(
     kinds = {str(child.tag) for child in element}
     if len(kinds) != 1 or not kinds <= set(CATALOG_KINDS):
         raise UsageError(
-            f"a catalogue holds entries of one kind ({', '.join(CATALOG_KINDS)}), not {', '.join(kinds) or 'none'}"
+            f"a catalogue holds entries of one kind ({', '.join(CATALOG_KINDS)}), not "
+            f"{', '.join(kinds) or 'none'}"
         )
     if len({child.get("name") for child in element}) < len(element):
         raise UsageError(f"two entries of the catalogue {name!r} have the same name")

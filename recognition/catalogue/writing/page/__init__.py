@@ -27,8 +27,10 @@ _SCRIPTS = (
     str(_FOLDER / "catalogue.js"),
 )
 MEASURES = {
-    "ego_speed": "m/s", "partner_speed": "m/s", "closing_speed": "m/s", "gap": "m", "pair_thw": "s", "pair_ttc": "s",
-    "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s", "severity": "", "confidence": "", "time": "s",
+    "ego_speed": "m/s", "partner_speed": "m/s", "closing_speed": "m/s", "gap": "m", "pair_thw": "s",
+    "pair_ttc": "s",
+    "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s",
+    "severity": "", "confidence": "", "time": "s",
 }  # fmt: skip
 """Columns of the index that the page filters, orders and counts by, with their units"""
 _NAMES = ("class", "site", "trust", "road_kind", "weather", "daylight", "surface", "road", "state")

@@ -28,7 +28,8 @@ def profile(name: str) -> AssessmentProfile:
     """
     if name not in profiles():
         raise UsageError(
-            f"there is no assessment {name!r}; {nearest(name, profiles())}; protocols: {', '.join(profiles())}"
+            f"there is no assessment {name!r}; {nearest(name, profiles())}; protocols: "
+            f"{', '.join(profiles())}"
         )
     found: AssessmentProfile = import_module(f"{__name__}.{name.replace('-', '_')}").PROFILE
     return found

@@ -61,18 +61,23 @@ def _vru(name: str, title: str, files: str, remark: str = "") -> ProtocolTest:
 PROFILE = AssessmentProfile(
     title="Euro NCAP, implementation 2023: autonomous emergency braking",
     sources=(
-        "Euro NCAP, Assessment Protocol – Safety Assist – Collision Avoidance, version 10.4.1, February 2024, section 3.3",
-        "Euro NCAP, Test Protocol – AEB Car-to-Car systems, version 4.3.1, February 2024, section 8.2",
-        "Euro NCAP, Test Protocol – AEB/LSS VRU systems, version 4.5.1, February 2024 (names of the tests)",
+        ("Euro NCAP, Assessment Protocol – Safety Assist – Collision Avoidance, version "
+        "10.4.1, February 2024, section 3.3"),
+        ("Euro NCAP, Test Protocol – AEB Car-to-Car systems, version 4.3.1, "
+        "February 2024, section 8.2"),
+        ("Euro NCAP, Test Protocol – AEB/LSS VRU systems, version 4.5.1, February 2024 (names "
+        "of the tests)"),
         "Scenario files: github.com/vectorgrp/OSC-NCAP-scenarios (MPL-2.0)",
     ),
     columns=(
         Column("test speed (km/h)", (_SPEED,)),
-        Column("target speed (km/h)", ("GVT_init_speed_kph", "Target_finalSpeed_kph", "VRU_finalSpeed_kph")),
+        Column("target speed (km/h)",
+            ("GVT_init_speed_kph", "Target_finalSpeed_kph", "VRU_finalSpeed_kph")),
         Column("overlap (%)", (_OVERLAP,)),
     ),
     tests=(
-        ProtocolTest("CCRs FCW", "Car-to-car rear stationary, warning", "3.3.2", "C2C_CCRs_FCW", Unassessed(_WARNING)),
+        ProtocolTest("CCRs FCW", "Car-to-car rear stationary, warning", "3.3.2", "C2C_CCRs_FCW",
+            Unassessed(_WARNING)),
         ProtocolTest(
             "CCRs", "Car-to-car rear stationary", "3.3.2", "C2C_CCRs?_",
             SpeedBands(_AT_50, _SPEED), 1.0, {_SPEED: _CCRS, _OVERLAP: _OVERLAPS},
@@ -83,7 +88,8 @@ PROFILE = AssessmentProfile(
         ),
         ProtocolTest(
             "CCRb", "Car-to-car rear braking", "3.3.2", "C2C_CCRb_",
-            SpeedBands(_AT_50, _SPEED), 1.0, {"GVT_headway": {12.0: 1.0, 40.0: 1.0}, "GVT_deceleration": {2.0: 1.0, 6.0: 1.0}},
+            SpeedBands(_AT_50, _SPEED), 1.0,
+            {"GVT_headway": {12.0: 1.0, 40.0: 1.0}, "GVT_deceleration": {2.0: 1.0, 6.0: 1.0}},
         ),
         ProtocolTest(
             "CCFtap", "Car-to-car front turn across path", "3.3.3", "C2C_CCFtap_",
@@ -117,16 +123,20 @@ PROFILE = AssessmentProfile(
         Absent("CCCscp, AEB", 2.0, "the public files have no crossing tests"),
         Absent("CCCscp, FCW", 1.0, "the public files have no crossing tests"),
         Absent("CCRs, FCW", 0.5, _WARNING),
-        Absent("Human-machine interface", 0.5, "belts, haptic warnings and displays are not simulated"),
-        Absent("AEB VRU, points", 0.0, "the assessment protocol for vulnerable road users was not found in a public text"),
+        Absent("Human-machine interface", 0.5,
+            "belts, haptic warnings and displays are not simulated"),
+        Absent("AEB VRU, points", 0.0,
+            "the assessment protocol for vulnerable road users was not found in a public text"),
         Absent("Lane support systems", 3.0, "the public files have no tests of lane support"),
     ),
     assumptions=(
         "The impact speed of a test without contact is 0 and green.",
         "Correction factors of verification tests are not applied: every test point is simulated.",
-        "Preconditions outside of the simulation (fitment, switching off, whiplash score, dossiers) are not examined.",
+        ("Preconditions outside of the simulation (fitment, switching off, whiplash score, "
+        "dossiers) are not examined."),
         "Light and weather of the files make no difference to systems that do not read them.",
-        "Files with one parameter set repeat points of the variation files; of several runs of a point the worst counts.",
+        ("Files with one parameter set repeat points of the variation files; of several runs "
+        "of a point the worst counts."),
     ),
 )  # fmt: skip
 """The protocol as data"""

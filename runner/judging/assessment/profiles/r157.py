@@ -16,9 +16,15 @@ from runner.judging.assessment.protocol import (
 
 SUMMARY = "UN Regulation 157 (ALKS), Annex 5, tests 4.1 to 4.6"
 
-_LANE = "the lane is kept by the scenario's motion unless a system steers, and the files are shorter than the 5 minutes of the test"
+_LANE = (
+    "the lane is kept by the scenario's motion unless a system steers, and the files are shorter "
+    "than the 5 minutes of the test"
+)
 _RANGE = "the test rates the range in which a system detects, which is not recorded"
-_UNAVOIDABLE = "the collision cannot be avoided by design; the regulation rates the mitigation without a public limit"
+_UNAVOIDABLE = (
+    "the collision cannot be avoided by design; the regulation rates the mitigation without a "
+    "public limit"
+)
 
 
 def _test(
@@ -31,8 +37,14 @@ def _test(
 PROFILE = AssessmentProfile(
     title="UN Regulation 157 (ALKS), Annex 5: tests of the dynamic driving task",
     sources=(
-        "UN Regulation No. 157, ECE/TRANS/WP.29/2020/81, paragraphs 5.2.5 and 7.1, Annex 5, section 4",
-        "Scenario files: github.com/asam-oss/OSC-ALKS-scenarios (an interpretation of Annex 5; the regulation states no files)",
+        (
+            "UN Regulation No. 157, ECE/TRANS/WP.29/2020/81, paragraphs 5.2.5 and "
+            "7.1, Annex 5, section 4"
+        ),
+        (
+            "Scenario files: github.com/asam-oss/OSC-ALKS-scenarios (an interpretation of Annex "
+            "5; the regulation states no files)"
+        ),
     ),
     columns=(
         Column("test speed (km/h)", ("Ego_InitSpeed_Ve0_kph",)),
@@ -100,10 +112,17 @@ PROFILE = AssessmentProfile(
         ),
     ),
     assumptions=(
-        "Paragraphs 5.2.5.1 to 5.2.5.3, 7.1.1 and 7.1.2 were compared with public quotations of the regulation; the numbers of "
+        "Paragraphs 5.2.5.1 to 5.2.5.3, 7.1.1 and 7.1.2 were compared with public quotations of "
+        "the regulation; the numbers of "
         "Annex 5 are those in the names of the public files.",
-        "A run is one parameter set of the files; the regulation leaves the sets to the technical service.",
-        "The comparison with a competent and careful driver (Annex 4, Appendix 3) is a batch of its own: --sut r157-cc.",
+        (
+            "A run is one parameter set of the files; the regulation leaves the sets to the "
+            "technical service."
+        ),
+        (
+            "The comparison with a competent and careful driver (Annex 4, Appendix 3) is a batch "
+            "of its own: --sut r157-cc."
+        ),
     ),
 )
 """The regulation as data"""

@@ -46,7 +46,8 @@ def on_lanes(
 @criterion(
     "OffRoadTest",
     unit="s",
-    summary="its centre is off all lanes for driving and parking for no longer than `duration` (s), added up",
+    summary="its centre is off all lanes for driving and parking for no longer than "
+    "`duration` (s), added up",
     parameters={"duration": 0.0},
     on_roads=True,
 )
@@ -64,7 +65,8 @@ def off_road(drive: Drive, duration: float) -> CriterionFinding:
 @criterion(
     "OnSidewalkTest",
     unit="s",
-    summary="it is on a sidewalk, or wholly off lanes for driving and parking, for no longer than `duration` (s), added up",
+    summary="it is on a sidewalk, or wholly off lanes for driving and parking, for no longer than "
+    "`duration` (s), added up",
     parameters={"duration": 0.0},
     on_roads=True,
 )
@@ -82,7 +84,10 @@ def on_sidewalk(drive: Drive, duration: float) -> CriterionFinding:
         return CriterionFinding(True, 0.0, "was on no sidewalk and did not leave the carriageway")
     total, first = duration_of(wrong, time), intervals(wrong)[0][0]
     where = "on a sidewalk" if sidewalk[first] else "off the carriageway"
-    reason = f"was on sidewalks or off the carriageway for {total:.2f} s, first {where} at {time[first]:.2f} s"
+    reason = (
+        f"was on sidewalks or off the carriageway for {total:.2f} s, first {where} at "
+        f"{time[first]:.2f} s"
+    )
     return CriterionFinding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
 
 
@@ -167,7 +172,8 @@ def wrong_lane(drive: Drive) -> CriterionFinding:
     return CriterionFinding(
         False,
         distance,
-        f"drove {distance:.1f} m against the traffic, first at {columns['time'][first]:.2f} s on {where}",
+        f"drove {distance:.1f} m against the traffic, first at "
+        f"{columns['time'][first]:.2f} s on {where}",
     )
 
 
@@ -201,7 +207,10 @@ def end_of_road(drive: Drive, duration: float) -> CriterionFinding:
     if not len(left):
         return CriterionFinding(True, 0.0, f"stayed on road {roads[0]}")
     when, after = float(time[left[0]]), float(time[-1] - time[left[0]])
-    reason = f"left road {roads[0]} for road {roads[left[0]]} at {when:.2f} s, {after:.2f} s before the end"
+    reason = (
+        f"left road {roads[0]} for road {roads[left[0]]} at {when:.2f} s, "
+        f"{after:.2f} s before the end"
+    )
     return CriterionFinding(after <= duration, after, f"{reason} ({duration:g} s are allowed)")
 
 
@@ -244,7 +253,8 @@ def collision(drive: Drive) -> CriterionFinding:
         return CriterionFinding(
             True,
             0.0,
-            f"no collision: it stood when {standing[0].other} touched it at {standing[0].time:.2f} s",
+            f"no collision: it stood when {standing[0].other} touched it at "
+            f"{standing[0].time:.2f} s",
         )
     return CriterionFinding(True, 0.0, "no collision")
 
@@ -298,7 +308,8 @@ def average_velocity(drive: Drive, velocity: float) -> CriterionFinding:
     return CriterionFinding(
         fast,
         average,
-        f"drove {average:.2f} m/s on average, {'more' if fast else 'not more'} than {velocity:g} m/s",
+        f"drove {average:.2f} m/s on average, {'more' if fast else 'not more'} "
+        f"than {velocity:g} m/s",
     )
 
 
@@ -345,7 +356,8 @@ def driven_distance(drive: Drive, distance_success: float) -> CriterionFinding:
 @criterion(
     "ReachedRegionTest",
     unit="m",
-    summary="it comes into the rectangle from (`min_x`, `min_y`) to (`max_x`, `max_y`) of the road network (m)",
+    summary="it comes into the rectangle from (`min_x`, `min_y`) to (`max_x`, `max_y`) of "
+    "the road network (m)",
     parameters={"min_x": None, "max_x": None, "min_y": None, "max_y": None},
 )
 def reached_region(

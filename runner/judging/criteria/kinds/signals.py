@@ -105,7 +105,10 @@ def running_red_light(drive: Drive) -> CriterionFinding:
         )
     dark = [c for c, state in zip(found, states, strict=True) if state is None]
     if dark:
-        reason = f"passed the light {dark[0].signal.id} at {dark[0].time:.2f} s, to which the scenario gives no state"
+        reason = (
+            f"passed the light {dark[0].signal.id} at {dark[0].time:.2f} s, to which the scenario "
+            "gives no state"
+        )
         return CriterionFinding(None, None, reason)
     return CriterionFinding(
         True,

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 _KMH, _MPH = 3.6, 3600.0 / 1609.344
 """Per m/s"""
 MASSES = {
-    "bicycle": 90.0, "bus": 12000.0, "car": 1500.0, "motorbike": 270.0, "pedestrian": 75.0, "semitrailer": 12000.0,
+    "bicycle": 90.0, "bus": 12000.0, "car": 1500.0, "motorbike": 270.0, "pedestrian": 75.0,
+    "semitrailer": 12000.0,
     "trailer": 1000.0, "train": 100000.0, "tram": 40000.0, "truck": 12000.0, "van": 2500.0,
 }  # fmt: skip
 """Masses (kg) that are assumed where a file declares none; of other vehicles that of a car."""
@@ -48,7 +49,9 @@ def change_of_velocity(speed: float, own: float, other: float) -> float:
 
 
 def occupant_risk(change: float) -> float:
-    """Probability that a driver dies at a change of velocity (m/s): (Δv / 71 mph)⁴, Joksch (1993)."""
+    """Probability that a driver dies at a change of velocity (m/s): (Δv / 71
+    mph)⁴, Joksch (1993).
+    """
     return min((change * _MPH / 71.0) ** 4, 1.0)
 
 
@@ -125,7 +128,10 @@ class FatalityRisk(_OfContact):
 
     name = "fatality_risk"
     label = "Fatality risk"
-    formula = "occupants: (Δv / 71 mph)⁴; pedestrians and riders: 1 / (1 + exp(6.9 − 0.090 · impact speed in km/h)); the greater"
+    formula = (
+        "occupants: (Δv / 71 mph)⁴; pedestrians and riders: 1 / (1 + exp(6.9 − 0.090 · impact "
+        "speed in km/h)); the greater"
+    )
     source = "Joksch (1993); Rosén and Sander (2009)"
     greatest = 1.0
     most = 1.0

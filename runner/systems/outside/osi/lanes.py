@@ -27,20 +27,24 @@ _CLOSE = 0.03
 """m by which lines of fewer points may be off; with that of the points that they are chosen from
 less than 5 cm"""
 _DRIVING = {
-    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV",
-    "mwyEntry", "mwyExit", "roadWorks", "tram", "rail",
+    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane",
+    "bus", "taxi", "HOV", "mwyEntry", "mwyExit", "roadWorks", "tram", "rail",
 }  # fmt: skip
 """OpenDRIVE lane types that vehicles drive on; all others are non-driving."""
 _SUBTYPES = {
-    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
-    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "BORDER",
-    "shoulder": "SHOULDER", "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP",
+    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK",
+    "walking": "SIDEWALK",
+    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER",
+    "curb": "BORDER",
+    "shoulder": "SHOULDER", "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY",
+    "mwyEntry": "ENTRY", "onRamp": "ONRAMP",
     "offRamp": "OFFRAMP", "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP",
 }  # fmt: skip
 """OSI's subtypes by OpenDRIVE lane type; everything else is `OTHER`."""
 _LINES = {
     "none": "NO_LINE", "solid": "SOLID_LINE", "broken": "DASHED_LINE", "solid solid": "SOLID_LINE",
-    "solid broken": "SOLID_LINE", "broken solid": "SOLID_LINE", "broken broken": "DASHED_LINE", "botts dots": "BOTTS_DOTS",
+    "solid broken": "SOLID_LINE", "broken solid": "SOLID_LINE", "broken broken": "DASHED_LINE",
+    "botts dots": "BOTTS_DOTS",
     "curb": "CURB", "grass": "GRASS_EDGE", "edge": "ROAD_EDGE",
 }  # fmt: skip
 """OSI's boundary types by OpenDRIVE road mark; everything else is `OTHER`."""

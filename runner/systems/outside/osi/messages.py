@@ -17,17 +17,23 @@ if TYPE_CHECKING:
 
 _TYPES = {
     "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
-    "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE", "bicycle": "TYPE_BICYCLE",
-    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM", "motorcycle": "TYPE_MOTORCYCLE", "heavyTruck": "TYPE_HEAVY_TRUCK",
-    "semitractor": "TYPE_SEMITRACTOR", "wheelchair": "TYPE_WHEELCHAIR", "standupScooter": "TYPE_STANDUP_SCOOTER",
+    "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE",
+    "bicycle": "TYPE_BICYCLE",
+    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM", "motorcycle": "TYPE_MOTORCYCLE",
+    "heavyTruck": "TYPE_HEAVY_TRUCK",
+    "semitractor": "TYPE_SEMITRACTOR", "wheelchair": "TYPE_WHEELCHAIR",
+    "standupScooter": "TYPE_STANDUP_SCOOTER",
     "micromobilityDevice": "TYPE_MICROMOBILITY_DEVICE", "workMachine": "TYPE_WORK_MACHINE",
-    "landVehicle": "TYPE_LAND_VEHICLE", "aircraft": "TYPE_AIRCRAFT", "watercraft": "TYPE_WATERCRAFT",
+    "landVehicle": "TYPE_LAND_VEHICLE", "aircraft": "TYPE_AIRCRAFT",
+    "watercraft": "TYPE_WATERCRAFT",
 }  # fmt: skip
 """OSI's vehicle types by OpenSCENARIO category."""
 _ROLES = {
-    "civil": "ROLE_CIVIL", "ambulance": "ROLE_AMBULANCE", "fire": "ROLE_FIRE", "police": "ROLE_POLICE",
+    "civil": "ROLE_CIVIL", "ambulance": "ROLE_AMBULANCE", "fire": "ROLE_FIRE",
+    "police": "ROLE_POLICE",
     "publicTransport": "ROLE_PUBLIC_TRANSPORT", "roadAssistance": "ROLE_ROAD_ASSISTANCE",
-    "garbageCollection": "ROLE_GARBAGE_COLLECTION", "roadConstruction": "ROLE_ROAD_CONSTRUCTION", "military": "ROLE_MILITARY",
+    "garbageCollection": "ROLE_GARBAGE_COLLECTION", "roadConstruction": "ROLE_ROAD_CONSTRUCTION",
+    "military": "ROLE_MILITARY",
 }  # fmt: skip
 """OSI's roles by OpenSCENARIO role."""
 _KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
@@ -137,7 +143,8 @@ class Osi:
 _GENERIC = {
     "fogLights": ("front_fog_light", "rear_fog_light"), "fogLightsFront": ("front_fog_light",),
     "fogLightsRear": ("rear_fog_light",), "highBeam": ("high_beam",), "lowBeam": ("head_light",),
-    "reversingLights": ("reversing_light",), "licensePlateIllumination": ("license_plate_illumination_rear",),
+    "reversingLights": ("reversing_light",),
+    "licensePlateIllumination": ("license_plate_illumination_rear",),
     "daytimeRunningLights": ("tail_light",),
 }  # fmt: skip
 """OSI's lights by OpenSCENARIO's"""

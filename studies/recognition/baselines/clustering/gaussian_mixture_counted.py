@@ -1,4 +1,6 @@
-"""A Gaussian mixture on the axes in which TRFE clusters, as many as held-out known classes suggest."""
+"""A Gaussian mixture on the axes in which TRFE clusters, as many as held-out
+known classes suggest.
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,9 @@ PULL = 0.1
 
 
 def cac_loss(distances: Tensor, indices: Tensor) -> Tensor:
-    """Mean of log(1 + Σ_{j≠y} exp(d_y − d_j)) + λ·d_y over distances (b, K) and class indices (b,)."""
+    """Mean of log(1 + Σ_{j≠y} exp(d_y − d_j)) + λ·d_y over distances (b, K) and
+    class indices (b,).
+    """
     own = distances.gather(1, indices[:, None])
     tuplet = torch.logsumexp(own - distances, dim=1)  # the term j = y is the 1
     return (tuplet + PULL * own[:, 0]).mean()

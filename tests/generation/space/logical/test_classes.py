@@ -1,4 +1,6 @@
-"""The class that is written on a scenario of the library is the one that the labelling rules find in a run of it."""
+"""The class that is written on a scenario of the library is the one that the
+labelling rules find in a run of it.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ TITLES = {
 }
 SHOWN = [path for path, title in TITLES.items() if title is not None]
 OTHER_VALUES = {"r157_cut_in": {"CutIn_Gap_m": "80"}}
-"""By default it ends in a collision less than a second after the cut-in, and a lane has to be held for a second."""
+"""By default it ends in a collision less than a second after the cut-in, and a
+lane has to be held for a second.
+"""
 
 
 def events(path: Path, folder: Path, sut: str) -> list[LabelledEvent]:
@@ -52,7 +56,9 @@ def test_a_run_shows_the_class(path: Path, tmp_path: Path) -> None:
 def test_a_run_with_the_collision_avoidance_system_shows_it_as_well(
     path: Path, tmp_path: Path
 ) -> None:
-    """Not so urban cut-ins: rule 9 asks for a TTC below 3 s, which the system does not let come about."""
+    """Not so urban cut-ins: rule 9 asks for a TTC below 3 s, which the system
+    does not let come about.
+    """
     assert TITLES[path] in [event.label.title for event in events(path, tmp_path, "cas")]
 
 

@@ -1,4 +1,6 @@
-"""Where and when the ego and the other one are in scenarios at junctions, seen from runs without a system under test."""
+"""Where and when the ego and the other one are in scenarios at junctions, seen
+from runs without a system under test.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def tracks(name: str, given: dict[str, float], sut: str | None = None) -> dict[s
 
 
 def arrival(track: Track, approach: EncounterScenario) -> float:
-    """When a participant is nearest to where the ways meet, within its last steps by its speed, s."""
+    """When a participant is nearest to where the ways meet, within its last
+    steps by its speed, s.
+    """
     x, y, time = (track.columns[name] for name in ("x", "y", "time"))
     apart = np.hypot(x - approach.meeting.x, y - approach.meeting.y)
     assert apart.min() < 1.0, "it does not come to where the ways meet"

@@ -1,4 +1,6 @@
-"""What the logical scenarios script happens, seen from the trajectories of runs without a system under test."""
+"""What the logical scenarios script happens, seen from the trajectories of runs
+without a system under test.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ CLOSING, OPENING = -1.0, 1.5
 
 @dataclass(frozen=True)
 class Run:
-    """A run with what was asked for, by role, and the tracks of the actor, the ego and its leader."""
+    """A run with what was asked for, by role, and the tracks of the actor, the
+    ego and its leader.
+    """
 
     asked: dict[str, float]
     kept: float
@@ -46,7 +50,9 @@ class Run:
 
 
 def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0, jerk: float = 15.0) -> Run:
-    """A run in which leader and ego move apart with `opening` m/s before the manoeuvre, whose jerk is as great as may be."""
+    """A run in which leader and ego move apart with `opening` m/s before the
+    manoeuvre, whose jerk is as great as may be.
+    """
     plot = PLOTS[name]
     slow = plot.geometry.speeds[0] + 2.0
     actor_is_ego = plot.maneuver.actor == "Ego"

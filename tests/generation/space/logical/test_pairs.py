@@ -29,7 +29,9 @@ def path_of(name: str) -> Path:
 
 
 def unit_table(rows: list[tuple[str, str, str, float, float]]) -> Samples:
-    """Units of kinds, actors, others, at times and with gaps; all are 4 s long, at 20 m/s around an ego at 25 m/s."""
+    """Units of kinds, actors, others, at times and with gaps; all are 4 s long,
+    at 20 m/s around an ego at 25 m/s.
+    """
     n = len(rows)
     kinds, actors, others, times, gaps = (np.array(column) for column in zip(*rows, strict=True))
     theta = np.tile([0.0, 20.0, 1.0, 20.0, 4.0, 20.0, 2.0], (n, 1))

@@ -43,7 +43,9 @@ class LaneChanges(ByRules):
 
 
 def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
-    """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
+    """How many lane changes near another vehicle a catalogue of recordings
+    varies, and those that no unit agrees with.
+    """
     out = folder / "catalogue"
     settings = CatalogueSettings(
         config=CatalogueConfig(Scope(reach=0.0))

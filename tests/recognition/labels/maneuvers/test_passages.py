@@ -1,4 +1,6 @@
-"""Passages of junctions and roundabouts as seven parameters: on a crossing, arms 1 (east), 2 (north), 3 (west), 4 (south)."""
+"""Passages of junctions and roundabouts as seven parameters: on a crossing, arms 1 (east), 2
+(north), 3 (west), 4 (south).
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ WAYS = {
     "from the left": ("4", "111"),
     "behind": ("1", "102"),
 }
-"""Arm and road inside: the ego comes from the east; the names of the others say how they come to it."""
+"""Arm and road inside: the ego comes from the east; the names of the others say
+how they come to it.
+"""
 TURN = Span(6.5, 7.25, 8.0)
 
 

@@ -1,4 +1,6 @@
-"""The parameters of a run are those that it was given, and the reconstruction from them is the run."""
+"""The parameters of a run are those that it was given, and the reconstruction
+from them is the run.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def named(motion: LaneCoordinates, kind: str, actor: str) -> Unit:
 
 
 def agrees(motion: LaneCoordinates, unit: Unit, ego_speed: float) -> None:
-    """Whether extracted parameters are those that the run was given, as far as 0.2 s and a time step tell."""
+    """Whether extracted parameters are those that the run was given, as far as
+    0.2 s and a time step tell.
+    """
     found = estimate(motion, unit)
     assert found is not None
     np.testing.assert_allclose(np.array(found.values), VALUES, atol=0.25)

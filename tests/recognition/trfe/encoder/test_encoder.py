@@ -29,7 +29,9 @@ LEFT, RIGHT, AHEAD = 5, 6, 14
 
 @pytest.fixture(autouse=True, scope="module")
 def one_thread():
-    """Small networks are as fast with one, and do not wait for each other where cores are shared."""
+    """Small networks are as fast with one, and do not wait for each other where
+    cores are shared.
+    """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -37,7 +39,9 @@ def one_thread():
 
 
 def windows(n: int = 192, seed: int = 0) -> Windows:
-    """Egos that move to the left, to the right or straight on, in a rectangle of 2 × 2 cells, at one speed."""
+    """Egos that move to the left, to the right or straight on, in a rectangle of
+    2 × 2 cells, at one speed.
+    """
     rng = np.random.default_rng(seed)
     labels = rng.choice([LEFT, RIGHT, AHEAD], n)
     grids = np.zeros((n, *GRID.shape), np.uint8)
@@ -110,7 +114,8 @@ def test_tokens_are_patches_of_one_frame_or_runs_of_its_rows():
         assert values[0, 2].any(dim=1).nonzero().ravel().tolist() == [4]
         assert not values[0, [0, 1, 3]].any()
         assert values.sum() == pytest.approx(2.0)
-    # as runs of sixteen cells, row 5 (of 12 columns) begins in the middle of run 3 and fills run 4 from its fourth cell on
+    # as runs of sixteen cells, row 5 (of 12 columns) begins in the middle of
+    # run 3 and fills run 4 from its fourth cell on
     assert values[0, 2, 4].reshape(2, 16)[1].nonzero().ravel().tolist() == [2, 3]
 
 
@@ -284,7 +289,10 @@ def test_encoders_work_without_torchs_compiler(tuned, tmp_path, monkeypatch):
 
 
 def test_importing_the_package_does_not_import_torch():
-    modules = "recognition.trfe.encoder, recognition.trfe.encoder.config, recognition.trfe.training.windows"
+    modules = (
+        "recognition.trfe.encoder, recognition.trfe.encoder.config, "
+        "recognition.trfe.training.windows"
+    )
     code = f"import sys, {modules}; print('torch' in sys.modules)"
     assert (
         subprocess.run(

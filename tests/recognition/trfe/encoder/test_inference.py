@@ -1,4 +1,6 @@
-"""Stored encoders in numpy: the features that torch gives, without torch, and refusals of wrong files."""
+"""Stored encoders in numpy: the features that torch gives, without torch, and
+refusals of wrong files.
+"""
 
 from __future__ import annotations
 

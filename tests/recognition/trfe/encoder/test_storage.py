@@ -1,4 +1,6 @@
-"""Files of encoders that don't fit each other, or are something else: each is refused in one line that says what is wrong."""
+"""Files of encoders that don't fit each other, or are something else: each is
+refused in one line that says what is wrong.
+"""
 
 from __future__ import annotations
 

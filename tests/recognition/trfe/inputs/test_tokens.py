@@ -1,4 +1,6 @@
-"""Tokens: who is where in lane coordinates, whatever the place and shape of the road; and the encoder that reads them."""
+"""Tokens: who is where in lane coordinates, whatever the place and shape of the
+road; and the encoder that reads them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Agreement with the rules: shares of events and of quiet windows, and a δ that other sites choose."""
+"""Agreement with the rules: shares of events and of quiet windows, and a δ that
+other sites choose.
+"""
 
 from __future__ import annotations
 

@@ -17,7 +17,8 @@ GRID = Grid(40.0, 20.0, 1.0, 1.0, channels=("others", "ego"))
 
 @pytest.fixture
 def windows():
-    events = [SimpleNamespace(recording="r", ego=ego, time=time, label=label) for ego, time, label in
+    events = [SimpleNamespace(recording="r", ego=ego, time=time, label=label) for ego, time,
+        label in
               (("a", 1.5, 3), ("b", 2.0, 0), ("a", 0.1, 5), ("b", 2.5, 17))]  # fmt: skip
     return windows_of(recording([Driver("a", speed=9.0), Driver("b", 9.0, 3.0)]), events, GRID)
 

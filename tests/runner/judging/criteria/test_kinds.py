@@ -1,4 +1,6 @@
-"""Each criterion over tracks that are drawn by hand: one that passes, one that fails, one that can't be judged."""
+"""Each criterion over tracks that are drawn by hand: one that passes, one that
+fails, one that can't be judged.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ Place = tuple[float, float]
 
 
 def track(way: Sequence[Place], dt: float = 0.1, h: float | None = None) -> Track:
-    """A car whose reference point is at these places (m), a time step apart; it faces where it goes unless told otherwise."""
+    """A car whose reference point is at these places (m), a time step apart; it
+    faces where it goes unless told otherwise.
+    """
     x, y = np.array(way, float).T
     step = np.hypot(np.diff(x), np.diff(y))
     heading = np.arctan2(np.diff(y, append=y[-1]), np.diff(x, append=x[-1]))
@@ -241,14 +245,22 @@ def test_lights_are_for_one_direction() -> None:
 
 @pytest.fixture
 def lit_crossing(tmp_path: Path) -> xodr.RoadNetwork:
-    """The crossing with a light behind it on road 3, which holds by reference on the connecting road 102, as in CARLA's towns."""
+    """The crossing with a light behind it on road 3, which holds by reference on the connecting
+    road 102, as in CARLA's towns.
+    """
     root = etree.parse(ROADS / "crossing.xodr").getroot()
-    light = 's="5" t="6" id="ahead" name="" dynamic="yes" orientation="-" zOffset="4" type="1000001" subtype="-1" country="OpenDRIVE"'
+    light = (
+        's="5" t="6" id="ahead" name="" dynamic="yes" orientation="-" zOffset="4" type="1000001" '
+        'subtype="-1" country="OpenDRIVE"'
+    )
     for road, inside in (
         ("3", f'<signal {light}><validity fromLane="0" toLane="0"/></signal>'),
         (
             "102",
-            '<signalReference s="20" t="0" id="ahead" orientation="+"><validity fromLane="-1" toLane="-1"/></signalReference>',
+            (
+                '<signalReference s="20" t="0" id="ahead" orientation="+"><validity fromLane="-1" '
+                'toLane="-1"/></signalReference>'
+            ),
         ),
     ):
         element = root.find(f"road[@id='{road}']")
@@ -278,10 +290,13 @@ def test_lights_of_a_junction_hold_where_it_is_entered(
 
 @pytest.fixture
 def stop_sign(tmp_path: Path) -> xodr.RoadNetwork:
-    """The straight road with a stop sign at s = 100 m for the right lanes, and at s = 300 m for one lane only."""
+    """The straight road with a stop sign at s = 100 m for the right lanes, and
+    at s = 300 m for one lane only.
+    """
     text = (ROADS / "signals.xodr").read_text()
     signs = "".join(
-        f'<signal s="{s}" t="-8" id="stop{s}" name="" dynamic="no" orientation="+" zOffset="0" type="206" subtype="-1" '
+        f'<signal s="{s}" t="-8" id="stop{s}" name="" dynamic="no" orientation="+" zOffset="0" '
+        'type="206" subtype="-1" '
         f'country="OpenDRIVE">{inside}</signal>'
         for s, inside in ((100, ""), (300, '<validity fromLane="-2" toLane="-2"/>'))
     )

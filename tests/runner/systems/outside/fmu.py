@@ -249,7 +249,10 @@ def description(
             if causality in starts
             else ""
         )
-        common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"'
+        common = (
+            f'name="{name}" valueReference="{reference}" causality="{causality}" '
+            f'variability="{variability}"'
+        )
         if version == 2:
             lines.append(f"<ScalarVariable {common}><{type_}{start}/></ScalarVariable>")
         elif type_ == "Binary":
@@ -259,7 +262,8 @@ def description(
             lines.append(f"<{_OF_FMI_3[type_]} {common}{start}/>")
     if version == 3:
         lines.append(
-            '<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>'
+            '<Float64 name="time" valueReference="99" causality="independent" '
+            'variability="continuous"/>'
         )
     token = 'guid="the token"' if version == 2 else 'instantiationToken="the token"'
     outputs = [
@@ -276,7 +280,8 @@ def description(
     else:
         structure = "".join(f'<Output valueReference="{reference}"/>' for _, reference in outputs)
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="{version}.0" modelName="ego" {token}>'
+        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="{version}.0" '
+        f'modelName="ego" {token}>'
         f'<{kind} modelIdentifier="ego"/><ModelVariables>{"".join(lines)}</ModelVariables>'
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
@@ -291,7 +296,8 @@ def fmu(
     name: str = "ego",
     **changes: Any,
 ) -> Path:
-    """Write an FMU with its mapping file: scalar variables, or binary ones of OSMP where some are named.
+    """Write an FMU with its mapping file: scalar variables, or binary ones of
+    OSMP where some are named.
 
     Args:
         changes: `kind` of the interface, `platform` of the binary, and `text`, which replaces the

@@ -1,4 +1,6 @@
-"""The bridge: a client drives as a system in this process does, and nothing that it does makes a run hang."""
+"""The bridge: a client drives as a system in this process does, and nothing that
+it does makes a run hang.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def received(connection: socket.socket) -> bytes:
 
 @contextmanager
 def client(port: int, answer: Answer) -> Iterator[list[Any]]:
-    """A client in a thread, with what it has received: the greeting, then (step, GroundTruth) each time."""
+    """A client in a thread, with what it has received: the greeting, then (step,
+    GroundTruth) each time.
+    """
     seen: list[Any] = []
 
     def drive() -> None:
@@ -372,7 +376,9 @@ def test_a_client_may_answer_with_poses(tmp_path: Path, port: int) -> None:
 def test_clients_one_after_another_each_drive_a_run_of_the_command(
     tmp_path: Path, port: int, command: Command
 ) -> None:
-    """Four runs of a variation file, four clients: each is connected to one run, and none to another."""
+    """Four runs of a variation file, four clients: each is connected to one run,
+    and none to another.
+    """
     runs: list[int] = []
 
     def clients() -> None:

@@ -1,4 +1,6 @@
-"""FMUs as systems under test: FMI 2 and 3, mapping files, OSMP, what is wrong with them, and runs one after another."""
+"""FMUs as systems under test: FMI 2 and 3, mapping files, OSMP, what is wrong
+with them, and runs one after another.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ def test_it_drives_by_its_outputs(tmp_path: Path, version: int, mapping: str) ->
 
 
 def test_the_gap_is_that_between_the_boxes_and_parameters_are_set(tmp_path: Path) -> None:
-    """Headway 3 s at 20 m/s: 60 m, and the lead is 45 m ahead: it brakes by 3 m/s² from the beginning."""
+    """Headway 3 s at 20 m/s: 60 m, and the lead is 45 m ahead: it brakes by 3
+    m/s² from the beginning.
+    """
     near = fmu(tmp_path, mapping=ACC + "[parameters]\nheadway = 2.26\n")
     far = fmu(tmp_path, mapping=ACC + "[parameters]\nheadway = 2.24\n", name="far")
     file = scenario(tmp_path, stop=0.1)
@@ -67,7 +71,9 @@ def test_the_gap_is_that_between_the_boxes_and_parameters_are_set(tmp_path: Path
 
 
 def test_factors_change_the_units_of_inputs_and_of_outputs(tmp_path: Path) -> None:
-    """The demand for 10 m/s is -3 m/s²; half of it is driven, and an input of 2 v_set / 2 is the same speed as v_set."""
+    """The demand for 10 m/s is -3 m/s²; half of it is driven, and an input of 2
+    v_set / 2 is the same speed as v_set.
+    """
     halved = ACC.replace(
         'acceleration = "a_demand"', 'acceleration = { variable = "a_demand", factor = 0.5 }'
     )
@@ -98,7 +104,10 @@ def test_where_it_is_not_active_the_ego_drives_as_scripted(tmp_path: Path) -> No
 
 
 def test_it_drives_by_poses_each_run_from_the_beginning(tmp_path: Path) -> None:
-    mapping = '[inputs]\nv_ego = "ego.speed"\n[outputs]\nx = "x"\ny = "y"\nh = "h"\n[parameters]\nx_start = 100.0\ny_start = -1.75\n'
+    mapping = (
+        '[inputs]\nv_ego = "ego.speed"\n[outputs]\nx = "x"\ny = "y"\nh = '
+        '"h"\n[parameters]\nx_start = 100.0\ny_start = -1.75\n'
+    )
     file, system = scenario(tmp_path, stop=1.0), fmu(tmp_path, mapping=mapping)
     results = [run(file, system) for _ in range(2)]
     ego = track(results[0], "Ego")
@@ -198,12 +207,18 @@ def test_osmp_that_is_no_message_ends_the_run(tmp_path: Path) -> None:
         (
             2,
             2,
-            r"the FMU fails at 0\.55 s: fmi2DoStep answers error; its log says 'the plant has no solution'$",
+            (
+                r"the FMU fails at 0\.55 s: fmi2DoStep answers error; its log says 'the plant has "
+                r"no solution'$"
+            ),
         ),
         (
             2,
             3,
-            r"the FMU fails at 0\.55 s: fmi3DoStep answers error; its log says 'the plant has no solution'$",
+            (
+                r"the FMU fails at 0\.55 s: fmi3DoStep answers error; its log says 'the plant has "
+                r"no solution'$"
+            ),
         ),
         (3, 2, r"the FMU gives nan as acceleration \(a_demand\) at 0\.05 s$"),
         (6, 3, r"the FMU fails at 0\.00 s: it asks to end the simulation$"),

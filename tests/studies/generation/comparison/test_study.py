@@ -188,7 +188,8 @@ def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path:
 def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path) -> None:
     part = Study(
         SCENARIO, lambda space: Recorded(driven(60)[:, :6], np.arange(60).astype(str)), tmp_path,
-        StudySettings(pinned={"CutIn_RestTime_s": "2", **PINNED}), evaluators=lambda sut, scenario, space: Kinematic(),
+        StudySettings(pinned={"CutIn_RestTime_s": "2", **PINNED}), evaluators=lambda sut, scenario,
+        space: Kinematic(),
     )  # fmt: skip
     with pytest.raises(UsageError, match="all seven parameters of cut_in_highway only"):
         list(part.run([Key("no-maneuver", 0)]))

@@ -1,4 +1,6 @@
-"""Hand-made Lanelet2 maps for tests: lanes between bounds whose points are shared where they are the same."""
+"""Hand-made Lanelet2 maps for tests: lanes between bounds whose points are
+shared where they are the same.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,8 @@ class LaneletMap:
         marks: Sequence[str] = ("", ""),
         **tags: str,
     ) -> None:
-        """Add a lanelet with the id `name`. marks: type and subtype of the bounds, as in "line_thin dashed".
+        """Add a lanelet with the id `name`. marks: type and subtype of the
+        bounds, as in "line_thin dashed".
 
         Bounds of several ways are in `members`, and `left` or `right` is empty.
         """
@@ -82,7 +85,9 @@ class LaneletMap:
         self.relation(name, bounds + members, type="lanelet", **tags)
 
     def way(self, line: Line, mark: str = "") -> int:
-        """The way through points; the one there is where its points are the same, in either direction."""
+        """The way through points; the one there is where its points are the
+        same, in either direction.
+        """
         nodes = tuple(self._node(point) for point in line)
         kind, _, subtype = mark.partition(" ")
         tags = {key: value for key, value in (("type", kind), ("subtype", subtype)) if value}
@@ -102,7 +107,10 @@ class LaneletMap:
     def text(self) -> str:
         """The file, one element a line."""
         nodes = (
-            f'<node id="{number}" lat="" lon="">{_tags({"local_x": repr(x), "local_y": repr(y)})}</node>'
+            (
+                f'<node id="{number}" lat="" '
+                f'lon="">{_tags({"local_x": repr(x), "local_y": repr(y)})}</node>'
+            )
             for (x, y), number in self.nodes.items()
         )
         ways = (
@@ -131,7 +139,7 @@ def _tags(tags: dict[str, str]) -> str:
     return "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
 
 
-# maps ----------------------------------------------------------------------------------------------
+# maps ---------------------------------------------------------------------------------------------
 
 WIDTH = 3.5
 
@@ -177,7 +185,8 @@ ARMS = 4
 
 
 def four_way(members: Mapping[int, str] | None = None) -> LaneletMap:
-    """A junction of four arms: lanelets 1 to 4 lead in, 11 to 14 out, 100 + 10 · from + to across. Arm 1 is in the east.
+    """A junction of four arms: lanelets 1 to 4 lead in, 11 to 14 out, 100 + 10 ·
+    from + to across. Arm 1 is in the east.
 
     members: more members of lanelets, by their ids.
     """

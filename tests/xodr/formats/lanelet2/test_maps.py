@@ -46,7 +46,9 @@ def converted(made: LaneletMap, folder: Path) -> tuple[Conversion, xodr.RoadNetw
 def beside_two(
     order: tuple[int, int] = (1, 0), turned: bool = False, apart: float = 0.0
 ) -> LaneletMap:
-    """Lanelet 1, 100 m to the east, on its right 2 and then 3, with whose left bounds it shares its right one."""
+    """Lanelet 1, 100 m to the east, on its right 2 and then 3, with whose left
+    bounds it shares its right one.
+    """
     made = LaneletMap()
     halves = [straight((0.0, 0.0), (60.0, 0.0)), straight((60.0 + apart, 0.0), (100.0, 0.0))]
     ways = [made.way(halves[index][::-1] if turned and index else halves[index]) for index in order]
@@ -61,7 +63,7 @@ def beside_two(
     return made
 
 
-# bounds of several ways -------------------------------------------------------------------------------
+# bounds of several ways ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -123,7 +125,7 @@ def test_members_that_a_map_has_lost_are_left_out_with_a_note(tmp_path: Path) ->
     assert "left out, since the map does not have them: way 77 (of 7)" in conversion.notes
 
 
-# kinds of lanelets ----------------------------------------------------------------------------------
+# kinds of lanelets --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -204,7 +206,7 @@ def test_marks_of_bounds_are_road_marks(tmp_path: Path) -> None:
     ]
 
 
-# speed limits ---------------------------------------------------------------------------------------
+# speed limits -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -253,7 +255,7 @@ def test_lanes_of_one_road_keep_their_own_limits(tmp_path: Path) -> None:
     )
 
 
-# other regulatory elements ----------------------------------------------------------------------------
+# other regulatory elements ------------------------------------------------------------------------
 
 
 def test_traffic_lights_hold_the_lanes_that_refer_to_them(tmp_path: Path) -> None:
@@ -323,7 +325,7 @@ def test_the_right_of_way_is_a_priority_of_the_junction(tmp_path: Path) -> None:
     assert found == {(road, conversion.lanelets["124"][0]) for road in going}
 
 
-# what is not said in so many words ---------------------------------------------------------------------
+# what is not said in so many words ----------------------------------------------------------------
 
 
 def test_bounds_may_run_either_way(tmp_path: Path) -> None:
@@ -383,7 +385,7 @@ def test_a_lanelet_that_ends_along_another_one_tapers_off(tmp_path: Path) -> Non
     assert conversion.deviation < 0.2
 
 
-# coordinates ------------------------------------------------------------------------------------------
+# coordinates --------------------------------------------------------------------------------------
 
 
 def geographic(made: LaneletMap, origin: tuple[float, float]) -> str:
@@ -418,7 +420,7 @@ def test_an_origin_beyond_the_earth_is_refused(tmp_path: Path) -> None:
         convert(two_lanes().write(tmp_path), (91.0, 0.0), tmp_path / "map.xodr")
 
 
-# bad maps ---------------------------------------------------------------------------------------------
+# bad maps -----------------------------------------------------------------------------------------
 
 BAD = {
     "empty": ("", "is empty"),

@@ -102,7 +102,9 @@ def _places(ahead: float, columns: dict[str, np.ndarray]) -> list[tuple[float, f
 
 
 def _offset(network: xodr.RoadNetwork, x: float, y: float, h: float) -> float:
-    """Distance from the middle of the lane; infinite where there is none, NaN beyond the ends of roads."""
+    """Distance from the middle of the lane; infinite where there is none, NaN
+    beyond the ends of roads.
+    """
     point = network.locate(x, y, h=h)
     road = network.roads[point.road_id]
     if not 0.0 <= point.s <= road.length:

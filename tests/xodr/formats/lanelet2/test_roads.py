@@ -1,4 +1,6 @@
-"""Roads made of lanelets: right lanes at the right places, joined without gaps or kinks, every connection kept."""
+"""Roads made of lanelets: right lanes at the right places, joined without gaps
+or kinks, every connection kept.
+"""
 
 from __future__ import annotations
 
@@ -230,7 +232,9 @@ def test_a_ring_leads_round(tmp_path: Path) -> None:
 
 
 def test_lanes_that_do_not_end_abreast_go_on_where_each_ends(tmp_path: Path) -> None:
-    """Three lanes end 4 m after each other; the left one leads to the left, the right one to the right."""
+    """Three lanes end 4 m after each other; the left one leads to the left, the
+    right one to the right.
+    """
     made = LaneletMap()
     corners = [(50.0, 5.25), (54.0, 1.75), (58.0, -1.75), (62.0, -5.25)]
     ends = [(90.0, 12.0), (90.0, 8.0), (90.0, 1.75), (90.0, -1.75), (90.0, -8.0), (90.0, -12.0)]
@@ -400,7 +404,9 @@ def _strip(
 
 
 def _borders_meet(network: xodr.RoadNetwork) -> bool:
-    """Whether the borders of linked lanes meet, and so do the reference lines of roads that follow each other."""
+    """Whether the borders of linked lanes meet, and so do the reference lines of
+    roads that follow each other.
+    """
     for road in network.roads.values():
         for lane in road.sections[-1].lanes:
             for link in network.links(road.id, lane, True) if lane else ():
@@ -477,7 +483,9 @@ def test_side_streets_that_turn_off_and_in_are_junctions_but_no_ramps_of_motorwa
 
 
 def test_a_lane_whose_end_line_lies_along_it_does_not_run_back_to_its_corner() -> None:
-    """Lanelets wider than long end on such lines: the road once looped by a whole turn on its way to the corner."""
+    """Lanelets wider than long end on such lines: the road once looped by a
+    whole turn on its way to the corner.
+    """
     left, right = np.array([[0.0, 0.2], [30.0, -15.0]]), np.array([[0.0, 0.0], [30.0, -19.0]])
     begin, end = (
         CrossLine(7.0, -7.0, math.radians(45.0)),

@@ -25,7 +25,9 @@ from xodr.formats.sumo_net.building import CacheEntry, NetconvertFailed, _build
 from xodr.formats.sumo_net.net import use_of
 
 EXACT = 0.006
-"""Largest distance of a SUMO lane from the exact centre line, in m: the polylines' 5 mm, and rounding."""
+"""Largest distance of a SUMO lane from the exact centre line, in m: the
+polylines' 5 mm, and rounding.
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -48,13 +50,18 @@ def written(text: str, folder: Path) -> Path:
 
 
 def road(
-    identity: str, lanes: str = '<lane id="-1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>',
-    length: float = 100, x: float = 0, extra: str = "", junction: str = "-1", link: str = "", rule: str = "RHT",
+    identity: str, lanes: str = '<lane id="-1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" '
+                                'd="0"/></lane>',
+    length: float = 100, x: float = 0, extra: str = "", junction: str = "-1", link: str = "",
+    rule: str = "RHT",
 ) -> str:  # fmt: skip
     return (
-        f'<road id="{identity}" length="{length}" junction="{junction}" rule="{rule}"><link>{link}</link><planView>'
-        f'<geometry s="0" x="{x}" y="0" hdg="0" length="{length}"><line/></geometry></planView><lanes><laneSection s="0">'
-        f'<center><lane id="0" type="none"/></center><right>{lanes}</right></laneSection></lanes>{extra}</road>'
+        f'<road id="{identity}" length="{length}" junction="{junction}" '
+        f'rule="{rule}"><link>{link}</link><planView>'
+        f'<geometry s="0" x="{x}" y="0" hdg="0" '
+        f'length="{length}"><line/></geometry></planView><lanes><laneSection s="0">'
+        '<center><lane id="0" '
+        f'type="none"/></center><right>{lanes}</right></laneSection></lanes>{extra}</road>'
     )
 
 
@@ -70,7 +77,9 @@ def shapes(net: SumoNet) -> dict[str, list[tuple[float, float]]]:
 
 
 def exact(network: xodr.RoadNetwork, track: LaneTrack, share: float) -> xodr.WorldPose:
-    """Pose on a track's centre line in the direction of travel, a hair inside its ends so that its own section is meant."""
+    """Pose on a track's centre line in the direction of travel, a hair inside
+    its ends so that its own section is meant.
+    """
     s = track.start + (track.end - track.start) * min(max(share, 1e-9), 1 - 1e-9)
     own = network.road(track.road_id)
     pose = own.pose(s, own.lane_t(s, track.lane_id))
@@ -80,7 +89,9 @@ def exact(network: xodr.RoadNetwork, track: LaneTrack, share: float) -> xodr.Wor
 def aside(
     network: xodr.RoadNetwork, track: LaneTrack, point: tuple[float, float], share: float
 ) -> tuple[float, float]:
-    """Distance of a point from a track's centre line, and the share of the track where it is; `share` is a first guess."""
+    """Distance of a point from a track's centre line, and the share of the track where it is;
+    `share` is a first guess.
+    """
     for _ in range(30):
         pose = exact(network, track, share)
         ahead = (point[0] - pose.x) * math.cos(pose.h) + (point[1] - pose.y) * math.sin(pose.h)
@@ -107,7 +118,8 @@ def check_geometry(network: xodr.RoadNetwork, net: SumoNet) -> None:
 def check_identity(
     network: xodr.RoadNetwork, net: SumoNet, shares: tuple[float, ...] = (0.1, 0.5, 0.9)
 ) -> None:
-    """A vehicle moved onto a driving lane lands on the SUMO lane that stands for it, exactly where it was put.
+    """A vehicle moved onto a driving lane lands on the SUMO lane that stands for
+    it, exactly where it was put.
 
     Inside junctions the connecting lanes begin and end on top of each other: there the middle is
     asked only.
@@ -230,13 +242,17 @@ def test_a_road_from_a_junction_to_itself_is_cut(tmp_path: Path) -> None:
 
 def test_a_connecting_road_that_leads_nowhere_is_entered(tmp_path: Path) -> None:
     """Ways through junctions may end inside, as at the border of a map."""
-    lanes = '<lane id="-1" type="driving"><link>{}</link><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>'
+    lanes = (
+        '<lane id="-1" type="driving"><link>{}</link><width sOffset="0" a="3" b="0" c="0" '
+        'd="0"/></lane>'
+    )
     into = '<successor elementType="junction" elementId="9"/>'
     back = '<predecessor elementType="road" elementId="1" contactPoint="end"/>'
     text = road("1", lanes.format(""), link=into)
     text += road("2", lanes.format('<predecessor id="-1"/>'), x=100, junction="9", link=back)
     text += (
-        '<junction id="9" name=""><connection id="0" incomingRoad="1" connectingRoad="2" contactPoint="start">'
+        '<junction id="9" name=""><connection id="0" incomingRoad="1" connectingRoad="2" '
+        'contactPoint="start">'
         '<laneLink from="-1" to="-1"/></connection></junction>'
     )
     net = sumo_net.build(written(text, tmp_path))
@@ -249,7 +265,8 @@ def test_nobody_may_use_any_lane_and_the_dock_is_left(tmp_path: Path) -> None:
         written(
             road(
                 "1",
-                lanes='<lane id="-1" type="parking"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>',
+                lanes='<lane id="-1" type="parking"><width sOffset="0" a="3" b="0" c="0" '
+                'd="0"/></lane>',
             ),
             tmp_path,
         )
@@ -317,7 +334,8 @@ def signal(
     validity: str = "",
 ) -> str:
     return (
-        f'<signals><signal id="7" s="{s}" t="-4" dynamic="{dynamic}" orientation="{orientation}" type="{kind}" subtype="-1" '
+        f'<signals><signal id="7" s="{s}" t="-4" dynamic="{dynamic}" orientation="{orientation}" '
+        f'type="{kind}" subtype="-1" '
         f'country="OpenDRIVE" zOffset="3">{validity}</signal></signals>'
     )
 
@@ -440,7 +458,10 @@ def test_a_network_is_built_anew_in_another_cache_folder(
 
 def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
     path = builders.roundabout().write(tmp_path / "map.xodr")
-    script = "import sys; from xodr.formats import sumo_net; print(len(sumo_net.build(sys.argv[1]).sumo_lanes))"
+    script = (
+        "import sys; from xodr.formats import sumo_net; "
+        "print(len(sumo_net.build(sys.argv[1]).sumo_lanes))"
+    )
     started = [
         subprocess.Popen([sys.executable, "-c", script, path], stdout=subprocess.PIPE, text=True)
         for _ in range(4)
@@ -451,12 +472,23 @@ def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
 
 
 def test_access_restrictions_hold_in_sumo_from_their_places_on(tmp_path: Path) -> None:
-    """A bus lane from 40 m on, whose end is said at 70 m, and no trucks on the other lane: as 1.8 and as 1.7 write them."""
+    """A bus lane from 40 m on, whose end is said at 70 m, and no trucks on the
+    other lane: as 1.8 and as 1.7 write them.
+    """
     width = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
-    bus = '<access sOffset="40" rule="allow"><restriction type="bus"/><restriction type="bicycle"/></access>'
+    bus = (
+        '<access sOffset="40" rule="allow"><restriction type="bus"/><restriction '
+        'type="bicycle"/></access>'
+    )
     over = '<access sOffset="70" rule="deny"><restriction type="none"/></access>'
-    trucks = '<access sOffset="0" rule="deny" restriction="truck"/><access sOffset="0" restriction="delivery"/>'
-    lanes = f'<lane id="-1" type="driving">{width}{trucks}</lane><lane id="-2" type="driving">{width}{bus}{over}</lane>'
+    trucks = (
+        '<access sOffset="0" rule="deny" restriction="truck"/><access sOffset="0" '
+        'restriction="delivery"/>'
+    )
+    lanes = (
+        f'<lane id="-1" type="driving">{width}{trucks}</lane><lane id="-2" '
+        f'type="driving">{width}{bus}{over}</lane>'
+    )
     net = sumo_net.build(written(road("1", lanes), tmp_path))
     found = {lane.get("id"): lane for lane in etree.parse(str(net.path)).iter("lane")}
 

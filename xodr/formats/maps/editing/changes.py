@@ -193,7 +193,8 @@ _OTHER_OBJECTS = (
 """Types of objects since 1.5, but for `truck` of 1.5, `roadMark` since 1.6 and `roadSurface` since
 1.8."""
 _EARLY_LANES = {
-    "bus": "restricted", "taxi": "restricted", "HOV": "restricted", "mwyEntry": "entry", "mwyExit": "exit",
+    "bus": "restricted", "taxi": "restricted", "HOV": "restricted", "mwyEntry": "entry",
+    "mwyExit": "exit",
     "connectingRamp": "driving",
 }  # fmt: skip
 _LATE_LANES = {"walking": "sidewalk", "slipLane": "driving", "shared": "driving"}
@@ -336,7 +337,8 @@ CHANGES: tuple[Change, ...] = (
     ),
     Change(
         _before(8),
-        f"{_JUNCTION}/*[self::crossPath or self::planView or self::objects or self::boundary or self::elevationGrid]",
+        f"{_JUNCTION}/*[self::crossPath or self::planView or self::objects or self::boundary or "
+        "self::elevationGrid]",
         remove,
         "left out: this version's junctions have none",
     ),
@@ -496,7 +498,8 @@ CHANGES: tuple[Change, ...] = (
         _before(5),
         "/OpenDRIVE/header/offset[@x != 0 or @y != 0 or @z != 0 or @hdg != 0]",
         None,
-        "has no offset of its coordinates; `xosc-road place --without-offset` makes it a part of them",
+        "has no offset of its coordinates; `xosc-road place --without-offset` "
+        "makes it a part of them",
     ),
     Change(_before(5), "/OpenDRIVE/header/offset", remove, "left out: it is 0"),
     Change(_before(5), "//CRG[@mode='global']", None, "has no surfaces of mode global"),
@@ -556,7 +559,8 @@ CHANGES: tuple[Change, ...] = (
     ),
     Change(
         _before(5),
-        f"{_LANE}/access[not({_in('restriction', 'simulator|autonomous traffic|pedestrian|none')})]",
+        f"{_LANE}/access[not("
+        f"{_in('restriction', 'simulator|autonomous traffic|pedestrian|none')})]",
         remove,
         "left out: this version has no such restriction",
     ),
@@ -606,13 +610,15 @@ CHANGES: tuple[Change, ...] = (
     Change(_since(5), f"{_OBJECT}/parkingSpace/marking", remove, _NOT_MOVED),
     Change(
         _since(5),
-        f"{_OBJECT}[@type and not(contains('{_OTHER_OBJECTS}truck|roadSurface|', concat('|', @type, '|')))]",
+        f"{_OBJECT}[@type and not(contains('{_OTHER_OBJECTS}truck|roadSurface|', concat('|', "
+        "@type, '|')))]",
         _all_but("type", "none"),
         "its type is none of this version's: it becomes the subtype",
     ),
     Change(
         ((1, 5),),
-        f"{_OBJECT}[not(@dynamic and @orientation and @hdg and @pitch and @roll and @height and @validLength)]",
+        f"{_OBJECT}[not(@dynamic and @orientation and @hdg and @pitch and @roll and @height and "
+        "@validLength)]",
         _with(
             dynamic="no",
             orientation="none",

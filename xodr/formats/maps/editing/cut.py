@@ -140,7 +140,8 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
         if road.get("junction", "-1") not in ("-1", "") and road.get("junction") not in junctions:
             road.set("junction", "-1")
             notes.append(
-                f"road {road.get('id')} is no connecting road any more: its junction has no way through it"
+                f"road {road.get('id')} is no connecting road any more: its junction "
+                "has no way through it"
             )
     notes += [f"{links} links to what is left out are taken away: roads end there"] if links else []
     notes += closed

@@ -1,4 +1,6 @@
-"""OpenDRIVE files put together: ids made unique, coordinates made one, open ends that meet linked."""
+"""OpenDRIVE files put together: ids made unique, coordinates made one, open ends
+that meet linked.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +29,15 @@ from xodr.reader import load
 _IDS = {
     "road": (
         ("road", "id"), ("connection", "incomingRoad"), ("connection", "connectingRoad"),
-        ("connection", "linkedRoad"), ("priority", "high"), ("priority", "low"), ("segment", "roadId"),
+        ("connection", "linkedRoad"), ("priority", "high"), ("priority", "low"),
+        ("segment", "roadId"),
         ("crossPath", "crossingRoad"), ("crossPath", "roadAtStart"), ("crossPath", "roadAtEnd"),
-        ("positionRoad", "roadId"), ("junction", "mainRoad"), ("mainTrack", "id"), ("sideTrack", "id"),
+        ("positionRoad", "roadId"), ("junction", "mainRoad"), ("mainTrack", "id"),
+        ("sideTrack", "id"),
     ),
     "junction": (("junction", "id"), ("road", "junction"), ("junctionReference", "junction")),
-    "signal": (("signal", "id"), ("signalReference", "id"), ("control", "signalId"), ("dependency", "id")),
+    "signal": (("signal", "id"), ("signalReference", "id"), ("control", "signalId"),
+        ("dependency", "id")),
     "object": (("object", "id"), ("objectReference", "id")),
     "controller": (("controller", "id"),),
     "junctionGroup": (("junctionGroup", "id"),),
@@ -93,7 +98,10 @@ def _align(other: EditedRoads, base: EditedRoads) -> Iterator[str]:
     here, there = network.header, like.header
     if here.geo_reference is None or there.geo_reference is None:
         if here.geo_reference != there.geo_reference:
-            yield f"{other.path.name}: only one of the maps has a projection; coordinates are taken as they are"
+            yield (
+                f"{other.path.name}: only one of the maps has a projection; coordinates "
+                "are taken as they are"
+            )
         return
     if (here.geo_reference, here.offset) == (there.geo_reference, there.offset):
         return
@@ -127,7 +135,8 @@ def _rename(other: EditedRoads, base: EditedRoads) -> Iterator[str]:
         _replace(other.root, kind, holders, names)
         old, new = next(iter(names.items()))
         yield (
-            f"{other.path.name}: {len(names)} ids of {kind} elements are in use, and become others: {old} is {new}"
+            f"{other.path.name}: {len(names)} ids of {kind} elements are in use, and become "
+            f"others: {old} is {new}"
         )
 
 
@@ -158,7 +167,10 @@ def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
     minor = [int(header.get("revMinor", "0")) for header in (one, two)]
     if minor[0] != minor[1]:
         one.set("revMinor", str(max(minor)))
-        yield f"{other.path.name} is OpenDRIVE 1.{minor[1]}, the first file 1.{minor[0]}: the newer is declared"
+        yield (
+            f"{other.path.name} is OpenDRIVE 1.{minor[1]}, the first file 1.{minor[0]}: "
+            "the newer is declared"
+        )
     names = ("west", "south", "east", "north")
     boxes = [[float(header.get(name, "0")) for name in names] for header in (one, two)]
     if all(any(box) for box in boxes):
@@ -221,7 +233,8 @@ def _link(base: EditedRoads, within: float) -> Iterator[str]:
     if several:
         first = several[0]
         yield (
-            f"{len(several)} open ends meet several others, and would need a junction: they stay open,"
+            f"{len(several)} open ends meet several others, and would need a "
+            "junction: they stay open,"
             f" such as the {'start' if first.at_start else 'end'} of road {first.road.id}"
         )
 
@@ -234,7 +247,8 @@ def _open_ends(network: RoadNetwork) -> Iterator[_OpenEnd]:
             s = 0.0 if at_start else road.length
             pose = road.pose(s)
             lanes = {
-                lane.id: np.array([(p.x, p.y, p.z) for p in (road.pose(s, lane.inner(s)), road.pose(s, lane.outer(s)))])
+                lane.id: np.array([(p.x, p.y, p.z) for p in (road.pose(s, lane.inner(s)),
+                    road.pose(s, lane.outer(s)))])
                 for lane in road.section(s).lanes.values()
                 if lane.id and abs(lane.outer(s) - lane.inner(s)) > 0.01
             }  # fmt: skip
