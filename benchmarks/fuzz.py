@@ -1,8 +1,8 @@
 """Fuzz the commands and readers: files changed by what their formats allow, and a report of all
 that must not happen.
 
-    python -m benchmarks.fuzz [FOLDER...] [--count N] [--minutes M] [--seed S] [--jobs J] [--only
-    KIND] [--keep DIR]
+    python -m benchmarks.fuzz [FOLDER...] [--count N] [--minutes M] [--seed S] [--jobs J]
+        [--only KIND] [--keep DIR]
 
 Inputs are made from the scenarios of the library, of the conformance tests or of the folders given,
 and from small recordings, maps, models and results of runs. Number and seed decide an input:

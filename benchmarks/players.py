@@ -1,7 +1,7 @@
 """Processor time of public scenarios on this runner and on esmini, in one run on one machine.
 
-    python -m benchmarks.players FOLDER... --esmini BINARY [--repeat N] [--timestep S] [--max-time
-    S]
+    python -m benchmarks.players FOLDER... --esmini BINARY [--repeat N] [--timestep S]
+        [--max-time S]
 
 Every scenario below the folders is played whole by both, each in a process of its own, in turn:
 kinematic, nothing but what the scenario scripts, the same fixed step, no output. The least

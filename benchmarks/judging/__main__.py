@@ -3,8 +3,7 @@ the figures of the answers.
 
     python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR]
     python -m benchmarks.judging draw FINDINGS RECORDINGS... --out DIR --keys DIR [--findings 90]
-    [--vehicles 25] [--seed 0]
-        [--singled-out]
+        [--vehicles 25] [--seed 0] [--singled-out]
     python -m benchmarks.judging report KEY ANSWERS...
 
 `find` writes what the rules and a model find. `draw` draws findings (DIR/precision), and vehicles
