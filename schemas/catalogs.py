@@ -215,8 +215,10 @@ class Catalogs:
             raise NoEntry(message, found.incomplete)
         entries = [entry for catalog in named for entry in catalog.entries if entry.kind in kinds]
         every = [entry for entry in entries if entry.name == name]
+        # Folders are in the order of preference: an entry hides those of its name in later folders.
         folder = os.path.dirname(every[0].path) if every else ""
         matching = [entry for entry in every if os.path.dirname(entry.path) == folder]
+        # Copies of one entry are no ambiguity, whatever the order of their attributes.
         texts = {
             etree.tostring(entry.element, method="c14n", with_tail=False) for entry in matching
         }
@@ -258,6 +260,7 @@ class Catalogs:
                 self._remarks.add(
                     Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line)
                 )
+        # The stamp is part of the cache's key: changed files are read anew.
         results = [_catalog(self._load, file, stamp(file)) for file in files]
         problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
         catalogs = [result for result in results if isinstance(result, _CatalogEntries)]

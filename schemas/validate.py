@@ -1,5 +1,4 @@
-"""Validation against the official XSD: libxml2 decides, quickly; xmlschema explains what it
-rejects."""
+"""Validation against the official XSD: libxml2 decides, quickly; xmlschema explains rejections."""
 
 from __future__ import annotations
 
@@ -69,6 +68,7 @@ def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violat
             for violation in _explained(tree, schema):
                 explained = True
                 yield violation
+    # libxml2's verdict stands where xmlschema finds nothing wrong.
     if compiled is not None and not explained:
         yield from _logged(tree, compiled)
 
@@ -115,6 +115,7 @@ def _explainer(schema: Schema) -> Any:
     kind = xmlschema.XMLSchema11 if schema.xsd_1_1 else xmlschema.XMLSchema10
     made = bool(schema.differences)
     try:
+        # An XSD with differences exists in memory only; its includes are merged in (`whole`).
         source = etree.tostring(schema.tree(), encoding="unicode") if made else str(schema.path)
         return kind(source, allow="local", base_url=str(schema.path.parent))
     except xmlschema.XMLSchemaException as error:
@@ -159,6 +160,7 @@ def _unexpected(child: etree._Element, error: Any) -> str:
 
 def _expected_value(explainer: Any, error: Any) -> str | None:
     """A sentence for a value that fits none of the forms which the standard allows for its type."""
+    # xmlschema marks this error by its text alone; with another text the reason is kept as it is.
     reason = str(error.reason)
     if not reason.startswith("attribute ") or "value doesn't match any pattern" not in reason:
         return None
@@ -168,6 +170,7 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
     members = getattr(kind, "member_types", None)
     if kind is None or not members:
         return None
+    # Unions of OpenSCENARIO name expression and parameter first; a sentence begins with the value.
     forms = [
         _MEANINGS.get(member.local_name or "", member.local_name or "another value")
         for member in reversed(members)

@@ -113,6 +113,7 @@ def xosc_check(
     if piped and triage:
         raise UsageError("--triage plays files, and standard input is none")
     files = [*expand(path for path in paths if path != _PIPE), *piped]
+    # A missing file has exit code 3, as in all commands; it is listed as a problem, too.
     missing = any(not os.path.lexists(path) for path in files if path not in piped)
     if triage != (format in _TRIAGED) and format not in ("text", "json"):
         raise UsageError(f"--format {format} is {'not ' * triage}of --triage")
@@ -171,6 +172,7 @@ def _piped() -> dict[Path, bytes]:
     Raises:
         InvalidFile: it is larger than a file may be.
     """
+    # One byte beyond the limit shows that the input is larger.
     content = sys.stdin.buffer.read(MAX_BYTES + 1)
     name = Path("stdin.xodr" if b"<OpenDRIVE" in content[:_HEAD] else "stdin.xosc")
     if len(content) > MAX_BYTES:

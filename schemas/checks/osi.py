@@ -273,6 +273,7 @@ def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str
     """Yield the broken rules of a trace in order: number of the message, rule, fault."""
     ids, requirements = _Ids(), Requirements()
     for frame in frames:
+        # Whole nanoseconds: in floats, seconds since 1970 are multiples of 240 ns.
         stamp = frame.message.timestamp.seconds * 1_000_000_000 + frame.message.timestamp.nanos
         if frame.published is not None and frame.published != stamp:
             yield (
@@ -299,6 +300,7 @@ class _ProblemMessages:
     def add(self, rule: OsiRule, text: str, message: int | None) -> None:
         """Note a problem of a message, or of the file."""
         places = self._places.setdefault((rule, text), [])
+        # The first message and a count: each of a million messages may have the fault.
         if message is not None:
             places[:] = [places[0] if places else message, (places[1] if places else 0) + 1]
 

@@ -50,6 +50,8 @@ class ReferencedRoad:
         temporary = _at(self.temporary, s)
         if layer == "permanent" or not temporary:
             return usual
+        # OpenDRIVE 1.9, 11.2: temporary lanes take precedence. They replace the permanent ones of a
+        # side.
         sides = {lane.startswith("-") for lane in temporary if lane != "0"}
         return temporary | {lane for lane in usual if lane.startswith("-") not in sides}
 

@@ -118,6 +118,7 @@ _NAMESPACES = {
 
 def _violations_without_namespaces(tree: etree._ElementTree, schema: Schema) -> Iterator[Finding]:
     """Yield violations by a document's elements if these were in no namespace."""
+    # On a copy: other rules, and the findings, keep the elements as they are in the file.
     root = deepcopy(tree.getroot())
     originals = dict(zip(root.iter(), tree.getroot().iter(), strict=True))
     for element in root.iter(etree.Element):

@@ -169,8 +169,10 @@ def blame(error: BaseException, module: str) -> str:
     Args:
         module: name of the plug-in's module.
     """
+    # The traceback ends in the import machinery; the error itself has the place.
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
+    # The module has been imported: the class that `module:Class` names is not in it.
     if isinstance(error, AttributeError) and getattr(error.obj, "__name__", None) == module:
         own_classes = [
             name

@@ -214,6 +214,7 @@ def described(package: str, constant: str) -> dict[str, Any]:
 
 def _constant(module: str, constant: str) -> ast.expr | None:
     """The expression that a module assigns to a name at its top level; None where it does not."""
+    # The loader has the source in zip files too, where there is no file to open.
     spec = find_spec(module)
     source = (
         spec.loader.get_source(module)
@@ -289,6 +290,7 @@ def leave_working_folder_out() -> None:
     """Take the working folder off the path where Python put it itself (`python -m`), here and in
     processes that are started."""
     os.environ[SAFE_PATH] = "1"
+    # With `-P` or PYTHONSAFEPATH the first entry is not one that Python added.
     if not sys.flags.safe_path and sys.path and _is_working_folder(sys.path[0]):
         del sys.path[0]
 
@@ -336,6 +338,7 @@ class _WorkingFolder:
 def _importer(frame: FrameType | None) -> str:
     """The top-level package of the code that an import is in."""
     while frame is not None:
+        # Frames of the import machinery lie between the import statement and the finder.
         name = str(frame.f_globals.get("__name__", "")).partition(".")[0]
         if name not in _MACHINERY:
             return name
@@ -354,6 +357,7 @@ def from_working_folder(module: str) -> Iterator[None]:
         module: its full name.
     """
     finder = _finder(os.path.realpath(os.curdir))
+    # Finders keep listings of folders: a module that was just written would be missed.
     PathFinder.invalidate_caches()
     before, finder.wanted = finder.wanted, module.partition(".")[0]
     try:
@@ -394,11 +398,13 @@ def import_file(file: str) -> ModuleType:
         raise UsageError(f"another module is called {name}; give the file another name", path=file)
     spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
+    # In place before it runs, as by `import`: dataclasses look their module up there.
     module = sys.modules[name] = module_from_spec(spec)
     _finder(os.path.dirname(path)).take(name)
     try:
         spec.loader.exec_module(module)
     except BaseException:
+        # What failed half-way must not be taken for a loaded module.
         del sys.modules[name]
         raise
     return module

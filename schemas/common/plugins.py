@@ -121,7 +121,7 @@ def modules(
 
 
 def register(group: str, homes: Callable[[], Collection[str]]) -> None:
-    """Import the modules of a group whose kinds register themselves; none under --untrusted.
+    """Import the modules of a group, so that their kinds register; none under --untrusted.
 
     Args:
         homes: modules of all registered kinds.
@@ -207,6 +207,7 @@ def _metadata_folders(path: Sequence[str], working: Path) -> Iterator[Path]:
 
 def _places(path: Sequence[str], working: Path) -> list[str]:
     """The folders of the path that packages are installed in."""
+    # A virtual environment may lie in the working folder: Python's own places count there.
     own = {os.path.realpath(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
     own |= {
         os.path.realpath(folder) for folder in (*site.getsitepackages(), site.getusersitepackages())

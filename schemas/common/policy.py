@@ -158,8 +158,8 @@ def in_force(policy: CommandPolicy) -> Iterator[None]:
 
 @contextmanager
 def scratch(prefix: str) -> Iterator[Path]:
-    """Context manager of a folder of our own for files between, which may be read whatever the user
-    named; it is deleted in the end."""
+    """Context manager of a temporary folder that every policy lets be read; it is deleted in the
+    end."""
     global _current
     with TemporaryDirectory(prefix=prefix) as folder:
         before = _current
@@ -243,6 +243,7 @@ def limited() -> Iterator[None]:
 
 @contextmanager
 def _timed(seconds: float | None) -> Iterator[None]:
+    # Signal handlers belong to the main thread; a running timer is that of an outer `limited`.
     if (
         seconds is None
         or threading.current_thread() is not threading.main_thread()
@@ -255,9 +256,9 @@ def _timed(seconds: float | None) -> Iterator[None]:
     try:
         try:
             signal.setitimer(signal.ITIMER_REAL, seconds, _GRACE)
-            if (
-                is_worker
-            ):  # counts processor time of all threads; what it does is the kernel's doing
+            # SIGPROF has no handler: the kernel ends a worker whose library never returns here.
+            # Its timer counts the processor time of all threads, hence the factor.
+            if is_worker:
                 signal.setitimer(signal.ITIMER_PROF, (seconds + _GRACE) * (os.cpu_count() or 1))
             yield
         finally:
@@ -318,6 +319,7 @@ def _root(path: Path) -> Path:
 def _refuse_links(path: Path) -> None:
     """Refuse a path inside the working folder that leads out of it by a link."""
     working = Path(os.path.realpath(os.curdir))
+    # By the text of the path alone: realpath would follow the link that is looked for.
     name = Path(os.path.normpath(working / path))
     if name.is_relative_to(working) and not Path(os.path.realpath(name)).is_relative_to(working):
         raise UsageError(
@@ -326,7 +328,7 @@ def _refuse_links(path: Path) -> None:
 
 
 def _refuse_links_in(folder: Path) -> None:
-    """An output folder may hold links that lead what is written elsewhere."""
+    """Refuse symbolic links in an output folder: files written through them would leave it."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             if os.path.islink(os.path.join(place, name)):
@@ -340,8 +342,7 @@ def _refuse_links_in(folder: Path) -> None:
 
 
 def _refuse_imports(named: Iterable[Path]) -> None:
-    """Python itself imports from the working folder where it is started as `python -m`, or
-    PYTHONPATH says so."""
+    """Refuse named folders that Python itself imports from (`python -m`, PYTHONPATH)."""
     installed = [Path(os.path.realpath(prefix)) for prefix in (sys.prefix, sys.base_prefix)]
     for entry in sys.path:
         real = Path(os.path.realpath(entry or os.curdir))

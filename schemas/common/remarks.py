@@ -1,5 +1,5 @@
-"""Remarks: what was assumed so that a file could be used which breaks its standard, or which asks
-for what is not done.
+"""Remarks: assumptions by which a file is used although it breaks its standard or asks for
+something that is not done.
 
 Checking is strict and names every fault; loading and running repair what has one sensible meaning.
 Each repair is reported once, as a remark on what was loaded:

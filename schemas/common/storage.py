@@ -40,6 +40,8 @@ def cache_folder(part: str = "") -> Path:
     root = Path(
         own or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain"
     )
+    # The root is looked at too: who may write into it can put another folder in the place of the
+    # part.
     for folder in dict.fromkeys((root, root / part)):
         if not is_own(folder):
             raise ForeignCache(
@@ -137,9 +139,8 @@ def read_bytes(path: Path) -> bytes:
             raise InvalidFile(
                 f"the file has {status.st_size} bytes, at most {most} are read", path=path
             )
-        content = (
-            path.read_bytes() if status.st_size else b""
-        )  # a device of /proc has no size, and may never answer
+        # A file of /proc has no size, and reading it may never end.
+        content = path.read_bytes() if status.st_size else b""
     except FileNotFoundError:
         raise InvalidFile(f"no such file{_alike(path)}", path=path) from None
     except (OSError, ValueError) as error:
@@ -208,7 +209,10 @@ def _check_metadata(
 
     groups = [about.row_group(i) for i in range(about.num_row_groups)]
     whole = sum(
-        max(8 * about.num_columns * group.num_rows, group.total_byte_size) for group in groups
+        # A column of one repeated value takes a few bytes for any number of rows: rows count as
+        # well.
+        max(8 * about.num_columns * group.num_rows, group.total_byte_size)
+        for group in groups
     )
     if whole <= limit and not any(pa.types.is_nested(schema.field(name).type) for name in wanted):
         return
@@ -279,6 +283,9 @@ def _expanded(message: pa.Message) -> int:
 
     def field(table: int, index: int) -> int:
         """Place of a field of a table; 0 without it."""
+        # Flatbuffers: a table begins with the signed distance back to its vtable, in which the size
+        # and then the offset of each field are 16-bit numbers; an absent field has 0, or is beyond
+        # the size.
         offsets = table - number("i", table)
         there = 4 + 2 * index < number("H", offsets)
         place = number("H", offsets + 4 + 2 * index) if there else 0
@@ -287,12 +294,15 @@ def _expanded(message: pa.Message) -> int:
     def target(place: int) -> int:
         return place + number("I", place)
 
+    # Numbers of fields by Message.fbs: Message.header 2; DictionaryBatch.data 1; RecordBatch.length
+    # 0, .buffers 2, .compression 3.
     header = target(field(target(0), 2))
     batch = target(field(header, 1)) if message.type == "dictionary" else header
     rows, buffers, compressed = field(batch, 0), field(batch, 2), bool(field(batch, 3))
     total = 8 * max(number("q", rows), 0) if rows else 0
     if not buffers:
         return total
+    # A vector of Buffer structs: its length in 4 bytes, then 16 bytes each (offset, size).
     for place in range(
         target(buffers) + 4, target(buffers) + 4 + 16 * number("I", target(buffers)), 16
     ):
@@ -428,9 +438,8 @@ def write_object(values: Mapping[str, Any], path: Path) -> None:
     """
     text = json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with writing("this", path):
-        keep(
-            text.encode(errors="backslashreplace"), path, durable=True
-        )  # which is how JSON writes bytes in file names
+        # Bytes of file names that are no UTF-8 are surrogates here; `\udcff` is JSON for one.
+        keep(text.encode(errors="backslashreplace"), path, durable=True)
 
 
 def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
@@ -454,6 +463,7 @@ def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
         raise UsageError(
             f"the settings of {what} in this folder can't be read: {error.message}", path=path
         ) from None
+    # As the stored settings are after reading: tuples become lists, and keys texts.
     mine = json.loads(json.dumps(settings))
     changed = [name for name, value in mine.items() if name not in before or before[name] != value]
     if changed:
@@ -523,9 +533,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
         try:
             with drafted(path) as draft:
                 draft.write_bytes(content)
-        except (
-            PermissionError
-        ):  # Windows replaces no file that is open: another writer of the same content was first
+        except PermissionError:
+            # Windows replaces no file that is open: another writer of the same content was first.
             if not path.is_file() or path.read_bytes() != content:
                 raise
     if durable:
@@ -535,8 +544,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
 
 @contextmanager
 def drafted(path: Path) -> Iterator[Path]:
-    """A path to write a file to, beside the one that it becomes at the end; after an error neither
-    is there.
+    """Yield a draft path to write to, which is renamed to the path at the end; after an error
+    neither is there.
 
     The folder of the file is made.
 
@@ -551,9 +560,8 @@ def drafted(path: Path) -> Iterator[Path]:
         return
     if not path.parent.exists():  # else a file in the place of the folder is said to exist
         path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(
-        f"{DRAFT}{secrets.token_hex(4)}{path.suffix}"
-    )  # what tempfile makes is for its owner's eyes only
+    # Not by tempfile, whose files only their owner may read.
+    draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}{path.suffix}")
     try:
         yield draft
         _sync(draft)
@@ -588,8 +596,7 @@ def check_writable(path: Path, what: str) -> None:
 
 
 def _is_special(path: Path) -> bool:
-    """Whether a path is that of a device or a pipe, or leads to what a process has opened, as
-    /dev/stdout does."""
+    """Whether a path is a device, a pipe, or the open stream of a process (/dev/stdout)."""
     folder = f"{os.path.realpath(path.parent)}/"
     opened = folder.startswith(("/dev/", "/proc/")) and not folder.startswith("/dev/shm/")  # noqa: S108  # a disk in memory
     opened = opened and os.path.isdir(folder)  # /dev/null/report.xml is none
@@ -688,6 +695,8 @@ class Records:
         try:
             before = os.fstat(file).st_size
             try:
+                # A short write means a full disk. A part of a line must not stay: the next one
+                # would be joined to it.
                 if os.write(file, content) < len(content):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
                 os.fsync(file)
@@ -697,6 +706,7 @@ class Records:
                 raise
         finally:
             os.close(file)
+        # The name of a new file is on the disk only when its folder is synced.
         if is_new:
             sync([self.path.parent])
 
@@ -716,6 +726,7 @@ def _sealed(record: Mapping[str, Any]) -> bytes:
 
 def _opened(line: bytes) -> dict[str, Any] | None:
     """The record of a line; None where it is damaged."""
+    # All seals have one length: the content before it is found without parsing.
     content = line[: -len(_SEAL % digest(b"").encode())]
     if not line or line != content + _SEAL % digest(content).encode():
         return None

@@ -16,6 +16,7 @@ from schemas.common.remarks import Remark
 from schemas.common.storage import read_bytes
 
 _WELL_FORMED = "asam.net:{}:1.0.0:xml.valid_xml_document"
+# Possessive: a long prologue without a DOCTYPE fails in one pass, without backtracking.
 _BEFORE_DOCTYPE = re.compile(
     rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL
 )
@@ -93,9 +94,11 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
         InvalidFile: not well-formed, or declares a document type.
     """
     _check_size(data, path)
+    # UTF-16 has a zero byte beside each ASCII character: without them the pattern fits.
     doctype = _BEFORE_DOCTYPE.match(data if b"\0" not in data[:4] else data.replace(b"\0", b""))
     if doctype:
         raise _doctype_refused(path, doctype.group().count(b"\n") + 1)
+    # Without huge_tree libxml2 keeps its own bounds on depth and on the lengths of texts.
     parser = etree.XMLParser(
         resolve_entities=False, load_dtd=False, no_network=True, huge_tree=False
     )
@@ -110,6 +113,7 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
         raise InvalidFile(f"not well-formed XML: {message}", path=path, line=error.lineno) from None
     except (LookupError, UnicodeError, ValueError) as error:
         raise InvalidFile(f"not readable as XML: {error}", path=path) from None
+    # The pattern above reads encodings that extend ASCII; in all others the parser sees it.
     if tree.docinfo.internalDTD is not None:
         raise _doctype_refused(path, None)
     return tree
@@ -122,6 +126,7 @@ def _check_size(data: bytes, path: Path) -> None:
     find them.
     """
     data = data.replace(b"\0", b"") if b"\0" in data[:4] else data
+    # A stretch of LONGEST_TAG bytes without a `<` covers one whole step of half that length.
     half, begin = LONGEST_TAG // 2, 0
     while begin + half < len(data):
         found = data.rfind(b"<", begin, begin + half)
@@ -130,6 +135,7 @@ def _check_size(data: bytes, path: Path) -> None:
             continue
         start, end = data.rfind(b"<", 0, begin), data.find(b"<", begin)
         begin = len(data) if end < 0 else end
+        # Comments, CDATA sections, processing instructions and end tags have no attributes.
         if (
             start < 0
             or data[start + 1 : start + 2] in (b"!", b"?", b"/")
@@ -139,6 +145,7 @@ def _check_size(data: bytes, path: Path) -> None:
         message = f"a tag of more than the {LONGEST_TAG} bytes that are read begins here"
         raise InvalidFile(message, path=path, line=data.count(b"\n", 0, start) + 1)
     if len(data) >= 3 * MOST_PARTS:  # what is shorter can't have as many
+        # An upper bound that needs no parsing: texts and comments may hold these signs too.
         parts = data.count(b"<") + data.count(b"=")
         if parts > MOST_PARTS:
             raise InvalidFile(
@@ -254,6 +261,7 @@ def _with_prefixes(data: bytes, note: Callable[[int, str], None]) -> bytes:
             continue
         name = prefix.decode(errors="replace")
         note(position, f"the prefix {name!r} is not declared; it is read as if it was")
+        # Only the prefix xsi has a meaning for validation (xsi:noNamespaceSchemaLocation).
         uri = _XSI if prefix == b"xsi" else b"urn:undeclared:" + prefix
         data = data[: root.end()] + b" xmlns:" + prefix + b'="' + uri + b'"' + data[root.end() :]
     return data
@@ -295,8 +303,7 @@ def _without_double_hyphens(data: bytes) -> bytes:
 
 
 def _without_doubled_attributes(data: bytes, note: Callable[[int, str], None]) -> bytes:
-    """The content, of the same length, without attributes that repeat what their element has said
-    before."""
+    """The content, of the same length, without repetitions of an attribute of the same value."""
 
     def once(tag: re.Match[bytes]) -> bytes:
         text, seen = tag[0], set[tuple[bytes, bytes]]()

@@ -79,6 +79,8 @@ class Function(NamedTuple):
 
 
 def _round(value: Number) -> int:
+    # Not floor(x + 0.5), which makes 1 of the double below 0.5; nor round(), which takes halves to
+    # even.
     whole = math.floor(abs(value))
     return int(math.copysign(whole + (abs(value) - whole >= 0.5), value))
 
@@ -125,6 +127,7 @@ CONSTANTS: dict[str, Value] = {"pi": math.pi, "e": math.e, "true": True, "false"
 def _modulo(left: Number, right: Number) -> Number:
     if right == 0:
         raise ZeroDivisionError
+    # The sign of the left operand; Python's `%` has that of the right one.
     rest = math.fmod(left, right)
     return int(rest) if isinstance(left, int) and isinstance(right, int) else rest
 
@@ -193,7 +196,7 @@ class Expression(NamedTuple):
 
 @lru_cache(maxsize=8192)
 def parse(body: str) -> Expression:
-    """Parse what stands between `${` and `}`.
+    """Parse the text between `${` and `}`.
 
     Raises:
         ExpressionError: it is malformed.
@@ -271,6 +274,8 @@ class _ExpressionParser:
         if len(nodes) == 1:
             return nodes[0]
         combine = any if word == "or" else all
+        # A list, no generator: every operand is evaluated, so that one of another type is an error
+        # also where the others decide.
         return lambda lookup: combine([_boolean(node(lookup), word, node) for node in nodes])
 
     def _sum(self) -> Node:
@@ -293,6 +298,7 @@ class _ExpressionParser:
         return node
 
     def _unary(self) -> Node:
+        # In a loop: a row of prefixes does not nest, so MAX_NESTING would not bound recursion.
         prefixes = []
         while prefix := self.accept("-", "+", "not"):
             prefixes.append(prefix)
@@ -484,8 +490,7 @@ def functions(text: str) -> set[str]:
 
 
 def substitute(text: str, lookup: Lookup) -> str:
-    """An attribute's value as a literal: what `$name` and `${…}` stand for, everything else as it
-    is.
+    """An attribute's value as a literal: `$name` and `${…}` are replaced by their values.
 
     Raises:
         ExpressionError: see `evaluate`.

@@ -86,6 +86,7 @@ class Columns:
         """
         values = [evaluate(number) for number in range(self.n)]
         first = values[0]
+        # bool is a subclass of int, but a truth value decides structure and can't vary.
         if isinstance(first, bool | str) or not all(
             isinstance(value, int | float) for value in values
         ):

@@ -84,8 +84,7 @@ def typed(kind: str, text: str) -> Value:
 
 
 def meant(kind: str, text: str) -> str:
-    """The text that `typed` takes for what a text stands for: itself, or a spelling of other tools
-    put right.
+    """Return a text in the spelling of its type: itself, or a spelling of other tools put right.
 
     These are integers with a fraction of zeros (`2.0`), booleans and infinities in other spellings
     (`True`, `inf`), and dates without a time, which are midnight.
@@ -204,6 +203,7 @@ def _integer(kind: str, text: str) -> int:
 
 def _date_time(text: str) -> datetime:
     try:
+        # The pattern first: fromisoformat takes other forms of ISO 8601 too (20240531, week dates).
         value = datetime.fromisoformat(text) if _DATE_TIME.fullmatch(text) else None
     except ValueError:
         value = None

@@ -219,6 +219,7 @@ def _message(kind: str) -> Any:
 def _recognised(bodies: Iterable[bytes], path: Path) -> str:
     """Message type of an `.osi` trace, which the file does not state: the type that parses most
     bytes of the first messages."""
+    # Protobuf bytes do not name their message type, and others parse them as unknown fields.
     first = [body for _, body in zip(range(_TRIED), bodies, strict=False)]
     total = sum(map(len, first))
     if not total:
@@ -279,6 +280,7 @@ def _single(path: Path) -> Iterator[bytes]:
                     path=path,
                 )
             (length,), left = _LENGTH.unpack(head), left - _LENGTH.size
+            # Compared before anything is read: a damaged length asks for up to 4 GiB.
             if length > left:
                 which = f"message {number} declares {length} bytes, of which the file has {left}"
                 raise InvalidFile(f"{which}: it is truncated, or no OSI trace", path=path)
@@ -299,8 +301,7 @@ def _check_message(length: int, number: int, path: Path) -> None:
 
 
 class _Bounded:
-    """A file that gives what is there and refuses to promise more: a declared size beyond its end
-    is an error at once."""
+    """A file that refuses to read beyond its end: a declared size beyond it is an error at once."""
 
     def __init__(self, file: Any, size: int, path: Path) -> None:
         self._file, self._left, self._path = file, size, path
@@ -351,6 +352,7 @@ def _unpacked(chunk: Any, path: Path) -> list[Any]:
             f"a chunk has {len(data)} bytes, not the {chunk.uncompressed_size} that it declares",
             path=path,
         )
+    # Given to mcap as an uncompressed chunk: its own decompression has no limit.
     plain = records.Chunk(
         "",
         data,
@@ -376,11 +378,13 @@ def _decompressed(chunk: Any, path: Path) -> bytes:
     try:
         if chunk.compression == "zstd":
             zstd = optional("zstandard")
+            # -1 stands for a frame that does not state its size; the bounded read covers it.
             if (
                 not 0 <= zstd.frame_content_size(chunk.data) <= most
                 and zstd.frame_content_size(chunk.data) != -1
             ):
                 raise InvalidFile("a chunk decompresses to more than it declares", path=path)
+            # One byte beyond the declared size shows that there are more, at no cost.
             with zstd.ZstdDecompressor().stream_reader(chunk.data) as stream:
                 return bytes(stream.read(most + 1))
         if chunk.compression == "lz4":
@@ -463,12 +467,14 @@ def _map(body: bytes) -> Iterator[AttachedMap]:
     """The map in a message of omega-prime: field 1 is its reference, field 2 the content of the
     OpenDRIVE file."""
     unknown = optional("google.protobuf.unknown_fields")
+    # Parsed as Empty, all fields are unknown ones: no definition of the message is needed.
     empty = parsed(optional("google.protobuf.empty_pb2").Empty, body)
     if empty is None:
         return
     values = {
         field.field_number: field.data
         for field in unknown.UnknownFieldSet(empty)
+        # Length-delimited: texts and bytes.
         if field.wire_type == 2
     }
     if 2 in values:

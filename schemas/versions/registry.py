@@ -180,6 +180,7 @@ def _schemas(folder: str) -> dict[tuple[str, int, int], Schema]:
         )
         schemas |= {(schema.standard, *schema.version[:2]): schema for schema in group}
         bases |= {(schema.standard, schema.version): schema for schema in group}
+    # In ascending order, so that a made XSD can be the base of the next; one at hand wins.
     for difference in known_differences():
         base = _base(difference, bases)
         if base is not None:

@@ -123,6 +123,7 @@ class GroupedCommand(_HelpInFull, TyperCommand):
     ) -> Any:
         """Read the settings file too, but for help, versions, completions and strangers' files."""
         PlainValues.read(self.params)
+        # These must work beside a settings file that is broken, too.
         no_work = extra.get("resilient_parsing") or {*HELP, HELP_ALL, "--version"} & set(args)
         file = None if no_work else self._file("--untrusted" in args)
         use(file)
@@ -134,6 +135,7 @@ class GroupedCommand(_HelpInFull, TyperCommand):
             context = super().make_context(info_name, args, parent, default_map=values, **extra)
         except typer.BadParameter as error:
             key, names = _setting_of(error.param, settings)
+            # The value is one that was typed: the fault is not the file's.
             if key is None or any(word.split("=")[0] in names for word in typed):
                 raise
             raise file.fault(
@@ -184,7 +186,7 @@ class GroupedCommand(_HelpInFull, TyperCommand):
         TyperCommand.format_help_text(shown, ctx, formatter)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Arguments, options without a group, groups, sections; in short what is seldom needed."""
+        """Write arguments, options without a group, groups and sections; seldom ones in short."""
         heading = {name: title for title, names in GROUPS.items() for name in names}
         shown: dict[str, list[tuple[str, str]]] = {
             title: [] for title in ("Arguments", "Options", *GROUPS)
@@ -331,6 +333,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                 _named(given[name] for name, use in uses.items() if use is wanted)
                 for wanted in (READ, WRITTEN)
             )
+            # The user names folders by environment variables as by options.
             asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
             if not given.get("overwrite"):
                 _refuse_overlap(inputs, outputs)
@@ -360,6 +363,7 @@ def _refuse_overlap(inputs: Iterable[str | Path], outputs: Iterable[str | Path])
             raise UsageError(
                 "this file is read, or written by another option: name another", path=path
             )
+        # Several outputs may share a folder, no two a file.
         if not os.path.isdir(path):
             taken.add(real)
 
@@ -469,8 +473,8 @@ def _begin() -> None:
 
 
 def _listen() -> None:
-    """Take signals as interrupts, the first of them; a second one ends the process at once. What is
-    ignored (nohup) stays so.
+    """Make the first signal an interrupt; a second one ends the process at once. Ignored signals
+    (nohup) stay ignored.
 
     Helper threads, and what libraries ignore, say nothing from then on.
     """
@@ -497,8 +501,7 @@ def _say_nothing(_: object) -> None:
 
 
 def print_anything() -> None:
-    """Let output hold what the terminal's encoding has no characters for: names of files may be of
-    any bytes."""
+    """Escape characters that the terminal's encoding lacks: names of files may be of any bytes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -533,12 +536,9 @@ def guarded(
         finally:
             sys.stdout.flush()  # else what can't be written would be a message of the interpreter
     except SystemExit as ending:
-        code = (
-            PIPE_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code
-        )  # typer makes 1 of it
-        cause = getattr(
-            ending.__context__, "__cause__", None
-        )  # typer makes 130 of any interruption
+        # Typer makes 1 of a closed pipe, and 130 of every interruption: the cause decides.
+        code = PIPE_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code
+        cause = getattr(ending.__context__, "__cause__", None)
         code = _interrupted(name, cause) if isinstance(cause, KeyboardInterrupt) else code
     except KeyboardInterrupt as ending:
         code = _interrupted(name, ending)
@@ -568,7 +568,7 @@ def _open_closed_output() -> None:
 
 
 def _settle_output() -> None:
-    """Send nowhere what could not be written, or the interpreter tries again when it ends, and
+    """Discard output that could not be written: else the interpreter tries again when it ends, and
     reports an error."""
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -587,7 +587,7 @@ def say(*lines: str, to: TextIO | None = None) -> None:
 
 
 def deliver(content: str, what: str, output: Path | None) -> None:
-    """Write a text to a file, whose folder is made, or print it where none is given.
+    """Write a text to a file and make its folder; print it without a file.
 
     Raises:
         UsageError: it can't be written; the message says what.
@@ -651,7 +651,7 @@ class _Bar:
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
-    """A bar on standard error, where that is a terminal; yields what advances it.
+    """Progress bar on standard error, if that is a terminal; yields the function that advances it.
 
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """

@@ -160,5 +160,6 @@ def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
         unread.append(Path(error.filename))
 
     for parent, folders, files in os.walk(folder, onerror=refuse):
+        # In place: os.walk goes on with what this list holds.
         folders[:] = [folder for folder in folders if not folder.startswith(".")]
         yield from (Path(parent, name) for name in files if not name.startswith("."))

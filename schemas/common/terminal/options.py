@@ -74,7 +74,7 @@ SHARED = SettingScope.SHARED
 
 
 def writable_folder(path: Path | None) -> Path | None:
-    """Callback of what names a folder to write into, which need not be there.
+    """Callback of options that name an output folder, which need not exist.
 
     Raises:
         UsageError: a file is in the way.
@@ -169,6 +169,7 @@ def option(
     arguments as of `Declared`.
     """
     metadata = {_OPTION: Declared(help, names, parameter, type, section, files, shared, how)}
+    # dataclasses refuse a dict as default: all objects would share it.
     return (
         field(default_factory=dict, metadata=metadata)
         if default == {}
@@ -177,7 +178,7 @@ def option(
 
 
 def part(settings: type, *offered: str) -> Any:
-    """A field with settings of their own, whose options commands offer: those named, or all."""
+    """A field that is a settings dataclass itself; commands offer its named options, or all."""
     return field(default_factory=settings, metadata={_PART: (settings, offered)})
 
 

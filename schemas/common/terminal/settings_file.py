@@ -135,6 +135,7 @@ class SettingsFile(NamedTuple):
 
     def _checked(self, kind: Any, given: Any, setting: Setting, table: str) -> Any:
         if kind in _KINDS:
+            # bool is a subclass of int: `true` is no number for that.
             accepted = (int, float) if kind is float else kind
             if not isinstance(given, accepted) or (kind is not bool and isinstance(given, bool)):
                 raise self._wrong(
@@ -224,8 +225,10 @@ def read(folder: Path | None = None) -> SettingsFile | None:
 
     content = _bytes(path)
     try:
+        # Editors of Windows begin files with a byte order mark.
         found: Any = tomllib.loads(content.decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        # tomllib (Python 3.11) gives the place in its message only.
         line = re.search(r"at line (\d+)", str(error))
         told = re.sub(r" \(at .*\)", "", str(error)).lower()
         where = int(line[1]) if line else None

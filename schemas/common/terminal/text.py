@@ -29,6 +29,7 @@ def one_line(text: str) -> str:
     Characters that can't be printed become blanks; what a service would take for a command gets a
     backslash: `\::error::`, `#\#[error]`.
     """
+    # Lone surrogates stay: they stand for bytes of file names, which output streams escape.
     line = (
         text
         if text.isprintable()
@@ -38,8 +39,8 @@ def one_line(text: str) -> str:
 
 
 def of_service(report: str) -> str:
-    """A report as a CI service's log or a terminal may have it: what they would obey is written as
-    references to its characters.
+    """A report for the log of a CI service or a terminal: commands in it are written as references
+    to their characters.
 
     Args:
         report: in JSON or XML; another text stays as it is.
@@ -103,7 +104,7 @@ def xml_text(text: str) -> str:
 
 
 def sarif_text(text: str) -> str:
-    """Text of a SARIF message (2.1.0, 3.11.6): what would be a link is none."""
+    """Text of a SARIF message, with links escaped (2.1.0, 3.11.6)."""
     line = one_line(text)
     return re.sub(r"([\\\[\]])", r"\\\1", line) if "](" in line else line
 

@@ -4,25 +4,27 @@ difference applied.
 A difference is a file of this folder, named `STANDARD-EARLIER-LATER.txt`, with a line for each
 change:
 
-    Motion @ speed_longitudinal: Double?        an optional attribute (without `?` a required one,
-    with `=1` one of this value) Vertex > Motion: Motion?                    a child element at the
-    end of the content: `?` at most one, `*` any number,
-                                                `+` one or more, `{2,}` two or more, none of them
-                                                exactly one
-    TrafficDistribution ^ choice 2              the content is a choice that may be made twice
-    outline / cornerRoad: cornerRoad+           an alternative of the choice within the content
-    outline * 0 1                               that choice is made at most once
-    Role | construction other                   values of an enumeration
-    t_place + t_grZero e_contactPoint           a value of one of these types
-    Interpolation                               a type without content
-    t_junction_direct < t_junction              the type is defined anew, as an extension of the
-    other t_junction ~ abstract                       the type is only extended t_header - offset
-    license                   children, attributes, keys or groups that are removed boundary ?
-    segment: t_lane if @type='lane'  the type of a child under a condition (without `if`: in all
-    other cases) group & t_header t_license                  the group, any number of times, ends
-    the content of these types OBJECT ! not(@radius and @width)            an assertion (XPath 2.0)
-    OpenDRIVE = k_path: junction/crossPath @id  a key; followed by `> k_road` a reference to that
-    key
+    Motion @ speed_longitudinal: Double?  an optional attribute
+                                          (without `?` a required one, with `=1` one of this value)
+    Vertex > Motion: Motion?              a child element at the end of the content: `?` at most 1,
+                                          `*` any number, `+` one or more, `{2,}` two or more,
+                                          without a sign exactly one
+    TrafficDistribution ^ choice 2        the content is a choice that may be made twice
+    outline / cornerRoad: cornerRoad+     an alternative of the choice within the content
+    outline * 0 1                         that choice is made at most once
+    Role | construction other             values of an enumeration
+    t_place + t_grZero e_contactPoint     a value of one of these types
+    Interpolation                         a type without content
+    t_junction_direct < t_junction        the type is defined anew, as an extension of the other
+    t_junction ~ abstract                 the type is only extended
+    t_header - offset license             removed children, attributes, keys or groups
+    boundary ? segment: t_lane if @type='lane'
+                                          the type of a child under a condition
+                                          (without `if`: in all other cases)
+    group & t_header t_license            the group, any number of times, ends the content of these
+    OBJECT ! not(@radius and @width)      an assertion (XPath 2.0)
+    OpenDRIVE = k_path: junction/crossPath @id
+                                          a key; with `> k_road` behind it a reference to that key
 
 Several attributes or children are separated by commas. A type that the earlier version lacks is
 made where it is first named; what is there by the same name is replaced in its place. Enumerations
@@ -144,6 +146,7 @@ def whole(path: Path) -> etree._ElementTree:
     tree, known = parse(path), {path.name}
     root = tree.getroot()
     while (include := next(root.iterchildren(f"{_XSD}include"), None)) is not None:
+        # Each file once, as files may include each other; none from another folder.
         name = include.get("schemaLocation") or ""
         if name not in known and "/" not in name and "\\" not in name:
             known.add(name)
@@ -152,6 +155,7 @@ def whole(path: Path) -> etree._ElementTree:
         root.remove(include)
     for include in list(root.iterchildren(f"{_XSD}include")):
         root.remove(include)
+    # XML Schema allows these only before all other components.
     ahead = [
         element
         for element in root
@@ -228,6 +232,7 @@ def _add_attribute(kind: etree._Element, rest: str) -> None:
     content = _content(kind)
     _take(content, name, "attribute")
     added = etree.Element(f"{_XSD}attribute", {"name": name, "type": value, **use, **fixed})
+    # XML Schema 1.1: assertions follow all attributes.
     first = next(content.iterchildren(f"{_XSD}assert"), None)
     content.insert(len(content) if first is None else content.index(first), added)
 
@@ -260,6 +265,8 @@ def _set_choice(kind: etree._Element, rest: str) -> None:
 def _remove(kind: etree._Element, rest: str) -> None:
     content = _content(kind)
     for name in rest.split():
+        # Keys stand in the element around a type. The element around a global type is the schema,
+        # whose own declarations are not meant.
         for holder in (
             kind.getparent(),
             content,
