@@ -94,6 +94,7 @@ class DistributionRange:
 
     @cached_property
     def _decimals(self) -> tuple[Decimal, Decimal, Decimal]:
+        # Decimals of the shortest texts, not of the doubles: 0.1 is a tenth.
         lower, upper, step = (
             repr(float(value))
             for value in (self.range.lower_limit, self.range.upper_limit, self.step_width)
@@ -230,7 +231,7 @@ _KINDS = {kind.__name__: kind for kind in get_args(ParameterDistribution)}
 
 @dataclass(frozen=True)
 class Deterministic:
-    """`Deterministic`: every combination of what its distributions list, the last listed varying
+    """`Deterministic`: every combination of the values of its distributions, the last one varying
     fastest."""
 
     distributions: tuple[ParameterDistribution, ...]
@@ -242,6 +243,7 @@ class Deterministic:
 
     def assignment(self, index: int) -> dict[str, str]:
         """The combination at an index."""
+        # The index is a number in mixed radix, whose last digit is that of the last distribution.
         chosen: list[dict[str, str]] = []
         for distribution in reversed(self.distributions):
             index, position = divmod(index, distribution.size)
@@ -290,8 +292,8 @@ class ParameterValueDistribution:
 
     @classmethod
     def read(cls, node: Node) -> ParameterValueDistribution:
-        """From its element, whose attributes may be expressions without parameters (the file can
-        declare none)."""
+        """Read the element; its attributes may be expressions without parameters, as the file can
+        declare none."""
         node = _evaluated(node)
         definition = node.find("Deterministic") or node.find("Stochastic")
         if definition is None:
@@ -328,7 +330,7 @@ def write_distribution(
 
 
 def _evaluated(node: Node) -> Node:
-    """A copy whose attributes are literals."""
+    """A copy with literal attributes."""
     copied = Node(deepcopy(node.element), node.path)
     for part in copied.iter():
         for name in map(str, part.element.attrib):

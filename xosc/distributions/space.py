@@ -104,9 +104,8 @@ class ParameterSpace:
                 )
                 raise place.invalid(message)
         self._constrained = _groups(_constrained(self._declarations))
-        self._keeps = lru_cache(_REMEMBERED)(
-            self._group_keeps
-        )  # one value meets many others, with the same answer
+        # Values of one group meet many values of the others, with the same answer.
+        self._keeps = lru_cache(_REMEMBERED)(self._group_keeps)
         self._check = lru_cache(_REMEMBERED)(self._check_type)
 
     @property
@@ -133,6 +132,7 @@ class ParameterSpace:
         if self.distribution is not None and isinstance(
             self.distribution.definition, Deterministic
         ):
+            # A generator for each number: a draw does not depend on those before it.
             index = random.Random(f"{float(seed)}/{index}").randrange(self.size)
         return self.scenario, self._assignment(index, seed)
 
@@ -144,6 +144,7 @@ class ParameterSpace:
         """
         if self.distribution is None or not self._constrained:
             return True
+        # All groups are asked: a value that is not of its type is an error in any case.
         kept = [
             self._keeps(number, tuple(map(parameters.get, group)))
             for number, group in enumerate(self._constrained)
@@ -321,8 +322,7 @@ def _places(node: Node) -> Iterator[tuple[str, Node]]:
 
 
 def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
-    """The declarations that have constraints, and those that the constraints and their values
-    depend on."""
+    """Declarations with constraints, and the declarations that these depend on."""
     needed: dict[str, Node] = {}
     pending = [
         name for name, declaration in declarations.items() if declaration.find("ConstraintGroup")
@@ -399,8 +399,8 @@ class Selection:
         enforce_constraints: bool,
         tell: Callable[[int], None] = lambda count: None,
     ) -> Iterator[tuple[int, dict[str, str]]]:
-        """Number and values of each set, in ascending order; those that violate constraints are
-        left out, unless they were named.
+        """Number and values of each set, in ascending order; sets that violate constraints are left
+        out, unless they were named.
 
         Args:
             tell: called at the end with the number of sets that violate constraints, if there are
@@ -411,6 +411,7 @@ class Selection:
             InvalidFile: no set, or practically none, keeps the constraints.
         """
         if self.only and space.distribution is not None:
+            # Overlapping spans name a set once.
             for index in dict.fromkeys(
                 index for first, last in sorted(self.only) for index in range(first, last + 1)
             ):

@@ -68,6 +68,7 @@ class NormalDistribution:
             return self.expected_value
         low, high, mirrored = self._probabilities
         aim = high - probability * (high - low) if mirrored else low + probability * (high - low)
+        # inv_cdf is not defined at 0 and 1: the least positive double and the last one below 1 are.
         deviation = _STANDARD.inv_cdf(min(max(aim, _TINY), 1 - 2**-53))
         return _clamped(
             self.expected_value
@@ -89,6 +90,7 @@ class NormalDistribution:
             (limit - self.expected_value) / scale
             for limit in (self.range.lower_limit, self.range.upper_limit)
         )
+        # By erfc, which keeps its digits in the tails; 1 - erf loses them.
         low, high = sorted(0.5 * math.erfc(-limit) for limit in limits)
         return low, high, mirrored
 
@@ -129,6 +131,8 @@ class LogNormalDistribution(NormalDistribution):
 
     @cached_property
     def _logarithm(self) -> NormalDistribution:
+        # Moments of the logarithm: σ² = ln(1 + v / m²), μ = ln m − σ² / 2. Divided twice, as m² of
+        # a small mean is 0.
         variance = math.log1p(self.variance / self.expected_value / self.expected_value)
         mean = math.log(self.expected_value) - variance / 2
         if self.range is None:
@@ -187,9 +191,8 @@ class PoissonDistribution:
             if aim > math.exp(-self.expected_value)
             else 0
         )
-        if (
-            count and pdtr(count - 1, self.expected_value) >= aim
-        ):  # the inverse is not exact at the steps
+        # The inverse is not exact at the steps.
+        if count and pdtr(count - 1, self.expected_value) >= aim:
             count -= 1
         return (
             count
@@ -314,7 +317,9 @@ def _choose(shares: list[float], probability: float) -> tuple[int, float]:
     """The index chosen by weight, and the place within its share, between 0 and 1."""
     sums = list(accumulate(shares))
     aim = probability * sums[-1]
+    # The left one: a share of 0 has the sum of the share before it, and is never chosen.
     index = bisect_left(sums, aim)
+    # Rounding may lead a bit out of [0, 1].
     return index, min(max((aim - (sums[index] - shares[index])) / shares[index], 0.0), 1.0)
 
 
@@ -390,6 +395,7 @@ class Stochastic:
 
     def assignment(self, index: int, seed: float | None = None) -> dict[str, str | float]:
         """Parameters and values of a run; numbers are not yet written in their parameter's type."""
+        # 1 and 1.0 are the same seed: it becomes part of a text.
         seed = float(seed if seed is not None else self.random_seed or 0)
         return {
             distribution.parameter_name: distribution.distribution.quantile(

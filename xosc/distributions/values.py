@@ -52,8 +52,7 @@ class Range:
 
 @contextmanager
 def located(node: Node) -> Iterator[None]:
-    """Say where in a file it was read what is wrong with a value: an InvalidFile or Unsupported at
-    that element."""
+    """Context manager that gives errors of values the file and line of their element."""
     try:
         yield
     except UsageError as error:

@@ -126,6 +126,8 @@ def _load(path: str, _: Stamp) -> Document:
     remarks: list[Remark] = []
     tree = parse(path, remarks)
     root = tree.getroot()
+    # No file may claim these: by SOURCE its errors and relative paths would be those of another
+    # file.
     etree.strip_attributes(tree, *OWN)
     node = Node(root, Path(path))
     if root.tag != OPENSCENARIO and local_name(root) == OPENSCENARIO:

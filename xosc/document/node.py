@@ -175,6 +175,7 @@ class Node:
 
     def iter(self, *tags: str) -> Iterator[Node]:
         """Yield the element and its descendants with one of `tags`, in document order."""
+        # Shared: each walk upwards ends at an element that an earlier one has passed.
         sources: dict[etree._Element, Path] = {}
         for element in self.element.iter(*tags):
             if isinstance(element.tag, str):

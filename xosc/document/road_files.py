@@ -56,9 +56,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         raise logic.invalid(
             f"the road network {named} {current().outside}, which --untrusted refuses"
         )
-    if os.path.exists(named) and not os.path.isdir(
-        named
-    ):  # unlike those of Path they take names of any length
+    # Functions of os.path take names of any length, those of Path raise OSError.
+    if os.path.exists(named) and not os.path.isdir(named):
         return RoadFile(named, None)
     found = asked_for(named.name, folders)
     if found is not None:

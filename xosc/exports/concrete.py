@@ -59,8 +59,8 @@ def concrete(
     strict: bool = False,
     catalog_path: Folders = (),
 ) -> Document:
-    """A scenario whose attributes are literals, with catalogue entries in the place of the
-    references to them.
+    """A scenario without parameters, expressions and references: values and catalogue entries stand
+    in their places.
 
     Its version is the newest of its own and those of its catalogues. Declarations stay only of
     parameters that conditions and actions name; what then is left out is not used any more.
@@ -88,6 +88,7 @@ def concrete(
         parent = declarations.getparent()
         if len(declarations) == 0 and parent is not None:
             parent.remove(declarations)
+    # Emptied, not removed: the XSDs ask for the element itself.
     for locations in resolved.root.findall("CatalogLocations"):
         for location in list(locations):
             locations.remove(location)
@@ -197,6 +198,7 @@ def _as_comments(element: etree._Element) -> None:
             part.text or ""
         ).split()
         if parts:
+            # XML allows no `--` in a comment.
             header.addprevious(
                 etree.Comment(f" {part.tag} {' '.join(parts)} ".replace("--", "- -"))
             )

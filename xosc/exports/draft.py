@@ -48,6 +48,7 @@ class Folder:
         """
         key = (os.path.abspath(source), preferred)
         if key not in self._names:
+            # Case counts for nothing in file names on Windows and macOS.
             path, taken, number = (
                 PurePosixPath(preferred),
                 {name.casefold() for name in self._names.values()},
@@ -87,6 +88,7 @@ class Folder:
 
     def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
         """Write a file that a function writes to the path it is given; errors as in `write`."""
+        # Elsewhere first: a writer that fails leaves nothing in the folder.
         with scratch("xosc-export-") as folder:
             path = folder / PurePosixPath(name).name
             writer(path)
@@ -186,13 +188,13 @@ class Draft:
         self._remarks: dict[str, None] = {}
 
     def copy(self) -> Draft:
-        """The same so far, to go on with: what is added to it can be given up."""
+        """A copy to add to: it can be dropped if that fails."""
         draft = Draft(self.folder, self.settings)
         draft.take(self)
         return draft
 
     def take(self, other: Draft) -> None:
-        """Add what another one has."""
+        """Add the files and remarks of another draft."""
         self._files |= other._files
         self._remarks |= other._remarks
 

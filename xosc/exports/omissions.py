@@ -60,21 +60,18 @@ def omit(document: Document, version: Version) -> Iterator[str]:
             first: Node = located(found[0], document)
             yield f"{first.where}: {first.tag}: {reason}"
         for element in found:
-            if document.root in (
-                element,
-                *element.iterancestors(),
-            ):  # else it went with another one of the same Action
+            # An element outside the tree was removed with another one of the same Action.
+            if document.root in (element, *element.iterancestors()):
                 change(element)
 
 
 def _idle_elements(document: Document) -> Iterator[str]:
-    """Actions and acts without content, which schemas and other players refuse, do nothing by what
-    they hold."""
+    """Fill actions and acts without content, which schemas and other players refuse, with content
+    that does nothing."""
     inside = "[not(*)][ancestor-or-self::Action or ancestor-or-self::PrivateAction]"
     for action in _at(document, " | ".join(f"//{tag}{inside}" for tag in ("Action", *CHOICES))):
-        if (
-            document.root in action.iterancestors()
-        ):  # else it went with another one of the same Action
+        # An action outside the tree was removed with another one of the same Action.
+        if document.root in action.iterancestors():
             yield (
                 f"{located(action, document).where}: {action.tag}: without an "
                 "action it does nothing"
@@ -86,8 +83,7 @@ def _idle_elements(document: Document) -> Iterator[str]:
 
 
 def _misplaced_actions(document: Document) -> Iterator[str]:
-    """Take away actions outside any action: nothing executes them, and what exports make of actions
-    needs their actors."""
+    """Remove actions outside of any Action: nothing runs them, and exports need their actors."""
     inside = " or ".join(
         f"ancestor-or-self::{tag}"
         for tag in ("Action", "PrivateAction", "GlobalAction", "UserDefinedAction")
@@ -130,6 +126,8 @@ def leave_out(action: Node, scenario: Node) -> None:
         ):
             around.remove(parent)
         return
+    # Kept without effect: an Event has at least one Action, and others may wait for its end. Every
+    # version has ParameterAction, if deprecated since 1.2.
     for child in list(holder):
         holder.remove(child)
     setting = etree.SubElement(
@@ -165,7 +163,7 @@ def _parent(element: etree._Element) -> etree._Element:
 
 
 def _keep(_: etree._Element) -> None:
-    """Keep an element whose meaning differs between versions."""
+    """Keep an element; its remark says that the version means something else by it."""
 
 
 def _idle(action: etree._Element) -> None:
@@ -260,7 +258,7 @@ def _parameters(declarations: etree._Element) -> None:
 
 
 def _idle_story(storyboard: etree._Element) -> None:
-    """A story whose act never starts: versions before 1.2 ask for one."""
+    """Add a story with an act that never starts: versions before 1.2 ask for a story."""
     story = etree.Element("Story", name="none")
     act = etree.SubElement(story, "Act", name="none")
     act.append(_idle_group())
@@ -483,15 +481,15 @@ SAID_OTHERWISE: tuple[Omission, ...] = (
 
 
 class Rule(NamedTuple):
-    """A place in a scenario, as XPath from its root, and what the target makes of what stands
-    there."""
+    """Elements of a scenario, as XPath from its root, and the reason why the target can't have
+    them."""
 
     where: str
     reason: str
 
 
 def refuse(document: Document, rules: Sequence[Rule]) -> None:
-    """Refuse the first thing in a scenario that is in a table of what the target can't say.
+    """Refuse the first element of a scenario to which a rule of a table applies.
 
     Raises:
         Unsupported: it is there, named with file (a catalogue's, where it came from there), line

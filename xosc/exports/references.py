@@ -96,6 +96,7 @@ def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
 
 def _has_temporary_lanes(content: bytes, source: Path) -> bool:
     """Whether a road has a second layer of lanes (OpenDRIVE 1.9)."""
+    # As bytes first: few files have to be parsed for this.
     if b"temporary" not in content:
         return False
     return parse_bytes(content, source).find("{*}road/{*}lanes[@layer='temporary']") is not None
@@ -152,6 +153,8 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
             name = (
                 catalog.node.need("Catalog").get("name", "") if catalog.kind == "catalog" else None
             )
+            # Of catalogues with one name those of the first folder count, as in a run
+            # (`schemas.catalogs`).
             if (
                 name is not None
                 and taken.setdefault(name, catalog.path.parent) == catalog.path.parent
@@ -237,6 +240,7 @@ def is_model(content: bytes) -> bool:
         return True
     if head.lstrip()[:1] == b"{":
         return _GLTF.match(content) is not None
+    # OBJ has no signature: every line has to be one of its statements.
     vertices = 0
     for line in content.split(b"\n"):
         found = _LINE_OF_OBJ.fullmatch(line.strip())
@@ -247,7 +251,7 @@ def is_model(content: bytes) -> bool:
 
 
 def need_roads(content: bytes, path: Path) -> list[Remark]:
-    """See that a file is a road network; remarks on what was assumed to read it.
+    """Refuse a file that is no road network; remarks on assumptions made to read it.
 
     Raises:
         InvalidFile: it is no OpenDRIVE, or has no road.

@@ -94,7 +94,7 @@ def polylines(
 def _places(
     action: Node, trajectory: Node, skip: float, geometry: RoadGeometry, during: State | None
 ) -> tuple[Sequence[Vertex] | None, Callable[[Vertex], etree._Element]]:
-    """The places of a trajectory, and how to say each; None where they are not known."""
+    """Places of a trajectory, None if unknown, and the maker of an element for each."""
     fixed, doing = geometry.track(trajectory, skip), actors(action)
     if fixed is not None or len(doing) != 1:
         return fixed, world_position
@@ -250,9 +250,8 @@ def first_distances(document: Document, known: Mapping[str, InitialState]) -> It
             private.element.remove(
                 next(ancestor for ancestor in action.element.iterancestors("PrivateAction"))
             )
-            for target in private.iter(
-                "AbsoluteTargetSpeed"
-            ):  # keeping a distance implies the other entity's speed
+            # Keeping a distance implies the other entity's speed.
+            for target in private.iter("AbsoluteTargetSpeed"):
                 target.element.set("value", repr(start.speed))
 
 
@@ -276,17 +275,18 @@ def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
         steady = next((state for tag in _STEADY for state in action.iter(tag)), None)
         if steady is None and not any(action.has(name) for name in _TOLERANCES):
             continue
-        # While the final speed is held both drive on: each target lies that
-        # way before the written one.
+        # While the final speed is held both drive on: each target lies that way before the written
+        # one.
         way, time = _held(action, steady, geometry) if steady is not None else (0.0, 0.0)
         master_way = time * abs(_speed(action, geometry) or 0.0)
-        # A tolerance ends the action when the target is that near: without it
-        # the target has to be nearer.
+        # A tolerance ends the action when the target is that near: without it the target has to be
+        # nearer.
         own, masters = (float(action.element.attrib.pop(name, "0")) for name in _TOLERANCES)
         _back(action.need("TargetPosition").only(), way + own, geometry)
         _back(action.need("TargetPositionMaster").only(), master_way + masters, geometry)
         if steady is not None:
             speed = action.need("FinalSpeed").only().element
+            # An element without content may hold no line breaks either.
             speed.text = None
             for child in list(speed):
                 speed.remove(child)
@@ -311,8 +311,8 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
             awaited = [node for node in meant(state, scenario) if node.element in around]
             if not awaited or state.get("state") not in _ENDED:
                 continue
-            # The end of an event is that of its last action: the delay would
-            # be right for one of them only.
+            # The end of an event is that of its last action: the delay would be right for one of
+            # them only.
             if any(len(list(node.iter("Action"))) > 1 for node in awaited):
                 raise state.unsupported(
                     f"what it waits for would end {time:g} s earlier, but for its other actions"

@@ -95,14 +95,13 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
         version: of the scenario and its catalogues; None leaves each in its own.
         draft: what else is to be written and said.
     """
+    # On a copy of the draft: what fails half-way adds no file and no remark.
     trial = draft.copy()
     try:
         add(document, version, trial)
         return trial.write()
-    except (
-        Unsupported,
-        InvalidFile,
-    ) as error:  # entries that nothing uses may be invalid, and what parameters leave empty too
+    except (Unsupported, InvalidFile) as error:
+        # Unused entries of catalogues may be invalid, and so may attributes without a value yet.
         add_worked_out(concrete(document, **draft.settings.resolving), version, draft)
         return draft.write(f"everything is worked out: {error}")
 
@@ -145,7 +144,7 @@ def add_worked_out(
 
 
 def _located(document: Document, geometry: RoadGeometry, version: Version) -> Iterator[str]:
-    """Change what needs the roads to be said in a version, in place; remarks."""
+    """Replace, in place, elements that a version lacks by places on the roads; remarks."""
     if version < (1, 4):
         yield from in_world(document, geometry, lambda position: position.has("layer"))
     if version < (1, 3):

@@ -46,6 +46,7 @@ def starts(scenario: Node) -> dict[str, InitialState]:
 def _lane(
     name: str, privates: dict[str, Node], inside: tuple[str, ...]
 ) -> tuple[str | None, int, float]:
+    # Positions may refer to each other in a circle; of several teleports the last one counts.
     teleports = (
         list(privates[name].iter("TeleportAction"))
         if name in privates and name not in inside
@@ -69,6 +70,7 @@ def _speed(private: Node) -> float | None:
 def beside(lane: int, steps: int) -> int:
     """The lane id `steps` lanes towards +t (the centre lane is not counted); 0 from where there is
     no lane."""
+    # Ids of lanes jump over 0, the centre lane.
     target = lane + steps
     return target if (target > 0) == (lane > 0) and target else target + (1 if steps > 0 else -1)
 

@@ -107,7 +107,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class ListedCatalogue:
-    """A catalogue: its name, what it holds (`Vehicle`, …) and the names of its entries."""
+    """A catalogue: its name, the kind of its entries (`Vehicle`, …) and their names."""
 
     path: Path
     name: str

@@ -121,6 +121,7 @@ class _ConditionParser:
                 )
                 raise self._wrong(_Token("", text[at : at + 12], at + 1), what)
             kind, piece = str(match.lastgroup), match[0]
+            # A column may have the name of a word: then it is the column.
             word = kind == "name" and piece.lower() in _WORDS and piece not in self._schema.names
             found.append(
                 _Token("word", piece.lower(), at + 1) if word else _Token(kind, piece, at + 1)
@@ -346,6 +347,7 @@ def _distances(features: np.ndarray, one: np.ndarray) -> np.ndarray:
     import numpy as np
 
     absent, missing = np.isnan(features), np.isnan(one)
+    # NaN where a value is absent: no difference where both are, the greatest where one is.
     differs = np.minimum(np.nan_to_num(np.abs(features - one)), _LACKING)
     differs[absent != missing] = _LACKING
     return np.asarray(

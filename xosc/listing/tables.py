@@ -122,6 +122,7 @@ def read_index(path: str | os.PathLike[str]) -> Index:
         "file" not in names or not pa.types.is_string(table.schema.field("file").type)
     ):
         raise InvalidFile("an index has a column 'file' of texts", path=file)
+    # The folder of one run was named: its batch's table has the other runs too.
     if file.name == RUNS and Path(path) not in (file, file.parent) and "name" in names:
         table = table.filter(pc.field("name") == Path(os.path.abspath(path)).name)
     return Index(file.parent, _flat(table), file.name)
@@ -154,7 +155,7 @@ def read_all(paths: Sequence[str]) -> Index:
 
 
 def _alike(tables: Sequence[pa.Table]) -> list[pa.Table]:
-    """Tables whose columns of one name have one type: numbers, or texts where that is different."""
+    """Cast tables to one type for columns of one name: numbers, or texts where types differ."""
     import pyarrow as pa
 
     types: dict[str, set[pa.DataType]] = {}
@@ -182,7 +183,7 @@ def _is_number(kind: pa.DataType) -> bool:
 
 
 def _flat(table: pa.Table) -> pa.Table:
-    """A table whose cells are single values: a column for each name of a map, lists as texts."""
+    """A table of single values: a column for each name of a map, lists as texts."""
     import pyarrow as pa
 
     columns: dict[str, Any] = {}

@@ -173,6 +173,7 @@ def _resolved(
     catalog_path: Folders,
     columns: Mapping[str, NumberColumn],
 ) -> Resolved:
+    # The whole tree: comments before the root, such as licences, are siblings of it.
     root = copy.deepcopy(document.root.getroottree()).getroot()
     node = Node(root, document.path)
     assigned = {name: _argument(value, node) for name, value in parameters.items()}
@@ -186,10 +187,11 @@ def _resolved(
     catalogs = Catalogs(document.path, partial(_directory, node), load, remarks, catalog_path)
     # After `_bind`: the name of an entry may have been a parameter.
     _Inliner(catalogs, report, remarks).inline(node, scopes, ())
+    # Literal attributes were repaired by `load`: only parameters can have brought such values.
     if any(
         declaration.get("value") in attributes.NOTHING
         for declaration in root.iter("ParameterDeclaration")
-    ):  # literals: see `load`
+    ):
         remarks.add(*attributes.leave_out_absent_values(node, document.version))
     for_carla, mirrored = is_for_carla(node), is_mirrored(node)
     remarks.add(*to_standard(node))
@@ -251,6 +253,7 @@ def _declare(
     for declaration in declarations:
         parameter = parameters[declaration.get("name")]
         declaration.element.set("value", parameter.text)
+        # The XSDs before 1.2 know `integer` alone: it stays.
         if declaration.get("parameterType") not in (parameter.type, "integer"):
             declaration.element.set("parameterType", parameter.type)
         for constraint in declaration.iter("ValueConstraint"):
@@ -282,7 +285,7 @@ def _substitute(node: Node, scope: ParameterScope, remarks: Remarks) -> None:
 
 
 def _is_name(text: str, node: Node) -> bool:
-    """Whether an element of the same file, whose names are no expressions, is called by a text."""
+    """Whether an element of the same file has a text as its name; names are no expressions."""
     return bool(node.element.getroottree().xpath("//*[@name=$text]", text=text))
 
 
@@ -306,6 +309,7 @@ class _Inliner:
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[CatalogEntry, ...]) -> None:
         """Replace the references below `top`, which lies inside those entries and whose attributes
         are literals."""
+        # Listed first: entries bring references of their own, which `_entry` replaces.
         references = [
             (element, _scope_around(element, scopes)) for element in top.element.iter(*REFERENCES)
         ]
@@ -353,6 +357,7 @@ class _Inliner:
         entry = self._find(reference)
         if entry is None:
             return _empty_controller(reference)
+        # Found by identity: the cache of catalogues gives the same object each time.
         if entry in inside:
             circle = [*inside[inside.index(entry) :], entry]
             raise reference.invalid(
@@ -362,6 +367,7 @@ class _Inliner:
             raise reference.invalid(
                 f"catalogue entries lie inside each other deeper than {MAX_NESTING} levels"
             )
+        # Counted before the copy: entries that hold two others each would double at every level.
         self._elements += entry.size
         if self._elements > MAX_INLINED:
             raise reference.invalid(
@@ -372,6 +378,7 @@ class _Inliner:
         element.set(SOURCE, entry.path)
         element.set(LINE, str(entry.element.sourceline))
         assigned = _assignments(reference)
+        # Any other entry is complete as it is in its file.
         if assigned or not entry.plain:
             node = Node(element, Path(entry.path))
             outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
@@ -411,7 +418,7 @@ def _empty_controller(reference: Node) -> etree._Element:
 
 
 def _directory(scenario: Node, location: str) -> Directory | None:
-    """Return the directory of a scenario's catalogue location whose attributes are literals."""
+    """Return the directory of a catalogue location of a scenario without parameters."""
     node = scenario.find("CatalogLocations", location)
     if node is None:
         return None
@@ -441,11 +448,13 @@ def _argument(value: Argument, scenario: Node) -> Assignment:
 
 def _text(value: Argument) -> str:
     """A Python or numpy value as it is written in a file."""
+    # bool is an Integral; numpy's numbers are registered as Integral and Real.
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Integral):
         return str(int(value))
     if isinstance(value, Real):
+        # XML Schema writes INF.
         return repr(float(value)).replace("inf", "INF")
     return str(value)
 

@@ -133,6 +133,7 @@ class ParameterScope:
                     f"{nearest(name, self.declarations)}"
                 )
                 self._repair(assignment, ASSIGNED, message, "it is left out")
+        # An inner declaration hides the outer one while its own value is evaluated, too.
         for name in self.declarations:
             self._visible.pop(name, None)
         self._varying = {
@@ -154,7 +155,7 @@ class ParameterScope:
         return {name: self._visible[name] for name in self.declarations}
 
     def literal(self, text: str, place: Node | None = None) -> str:
-        """An attribute's value with parameters and expressions replaced by what they stand for.
+        """An attribute's value with parameters and expressions replaced by their values.
 
         Args:
             text: the value.
@@ -166,6 +167,7 @@ class ParameterScope:
         """
         if "$" not in text:
             return text
+        # A lone reference, the most common value, needs no parser.
         parameter = self._visible.get(text[1:]) if text.startswith("$") else None
         if parameter:
             return parameter.text
@@ -229,7 +231,7 @@ class ParameterScope:
         return evaluate_columns(text, lookup)
 
     def violations(self) -> Iterator[ToolchainError]:
-        """An error for each parameter declared here whose constraints don't hold.
+        """Yield an error for each parameter declared here that violates its constraints.
 
         Source: ParameterDeclaration.constraintGroups: groups are combined by "or"; the constraints
         of one group by "and".
@@ -237,9 +239,8 @@ class ParameterScope:
         for name, declaration in self.declarations.items():
             groups = declaration.children("ConstraintGroup")
             parameter = self._visible[name]
-            held = [
-                [self._holds(parameter, item) for item in group.children()] for group in groups
-            ]  # a faulty one is refused
+            # All are evaluated: a faulty constraint is refused also where another group holds.
+            held = [[self._holds(parameter, item) for item in group.children()] for group in groups]
             if groups and not any(map(all, held)):
                 limits = " or ".join(
                     f"({_described(group)})" if len(groups) > 1 else _described(group)
@@ -322,8 +323,8 @@ class ParameterScope:
 
 
 def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
-    """Whether a constraint with numbers that vary holds for the first set, and those that are
-    alike."""
+    """Whether a constraint with varying numbers holds for the first set, and so for the sets that
+    are alike."""
     from schemas.expressions.columns import current
 
     columns = current()
@@ -337,8 +338,7 @@ def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
 def _in_many_sets(
     name: str, kind: str, text: str, column: NumberColumn | None
 ) -> ParameterDeclaration:
-    """A parameter whose value varies between sets; one that is no double makes another structure of
-    each value."""
+    """A parameter with a value for each set; values that are no doubles are other structures."""
     from schemas.expressions.columns import current
 
     values = current().of(text) if column is None else column
@@ -373,7 +373,7 @@ def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
 
 
 def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Variable]:
-    """Variables by name, from VariableDeclaration elements whose attributes are literals.
+    """Variables by name, from VariableDeclaration elements without parameters.
 
     Args:
         remarks: where remarks on values that are spelled otherwise are added.
@@ -405,8 +405,7 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
 
 
 def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
-    """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are
-    literals."""
+    """Initial values of monitors by name, from MonitorDeclaration elements without parameters."""
     return {name: declaration.bool("value") for name, declaration in _by_name(declarations).items()}
 
 
@@ -429,6 +428,7 @@ def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
 
 def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
     """Names in an order in which each value refers to earlier names only."""
+    # Without references any order will do.
     if not any(source.symbolic and "$" in source.text for source in sources.values()):
         return list(sources)
     sorter: TopologicalSorter[str] = TopologicalSorter()
@@ -439,6 +439,7 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
                 if source.symbolic
                 else set()
             )
+            # Sorted: sets of texts have another order in each process.
             sorter.add(name, *sorted(used & sources.keys()))
         except ExpressionError as error:
             raise source.error(f"the value of the parameter {name}: {error.message}") from None
@@ -455,8 +456,8 @@ def _described(group: Node) -> str:
     return " and ".join(f"{item.get('rule')} {item.get('value')}" for item in group.children())
 
 
-# expressions that others write: texts put together in `${}`, for which the standard has no
-# operator, and names without `$` ---
+# Expressions that other tools write: texts put together in `${}`, for which the standard has no
+# operator, and names without `$`.
 
 _OPERAND = r"(?:\$[A-Za-z_]\w*|'[^']*')"
 _SUM = re.compile(rf"\$\{{\s*{_OPERAND}(?:\s*\+\s*{_OPERAND})*\s*\}}", re.ASCII)
@@ -473,6 +474,7 @@ def _parts(text: str) -> list[str]:
     """
     if _SUM.fullmatch(text):
         return [operand.strip("'") for operand in re.findall(_OPERAND, text, re.ASCII)]
+    # Three parts are one expression between empty texts.
     between = _EXPRESSION.split(text)
     return between if len(between) > 3 else []
 

@@ -89,6 +89,7 @@ def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
             road.lanes(s, document.value(element, "layer")),
             document.number(element, "laneId"),
         )
+        # + 0.0 makes lane 0 of -0.0.
         if lane.strip() not in lanes and (number is None or f"{number + 0.0:g}" not in lanes):
             known = ", ".join(sorted(lanes, key=_from_left))
             yield Finding(

@@ -111,6 +111,7 @@ def _walk(
     included."""
     for child in parent.iterchildren(etree.Element):
         tag = local_name(child)
+        # From the scenario only: entries that refer to entries could lead round in a circle.
         if (
             tag == "CatalogReference"
             and local_name(parent) == "ManeuverGroup"
@@ -195,6 +196,7 @@ def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool,
     if local_name(element) == "ParameterCondition":
         return _parameter_condition(document, element)
     rule_name, value = document.value(element, "rule"), document.number(element, "value")
+    # It has no attribute `rule`: it holds from its value on.
     if local_name(element) == "TraveledDistanceCondition":
         rule_name = "greaterOrEqual"
     if value is None:
@@ -214,7 +216,8 @@ def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool,
 def _parameter_condition(
     document: CheckedDocument, element: etree._Element
 ) -> tuple[bool, str] | None:
-    """Parameters change only by a ParameterAction (of OpenSCENARIO 1.0 to 1.2)."""
+    """Return the constant value of a ParameterCondition and the reason; None if an action may set
+    the parameter."""
     name = (document.value(element, "parameterRef") or "").removeprefix("$")
     declaration = document.declaration(document.root, name)
     actions = document.elements("ParameterAction")

@@ -134,7 +134,7 @@ def properties(tags: Sequence[Tag]) -> dict[str, str]:
 
 
 def annotated(document: Document, tags: Sequence[Tag]) -> Document:
-    """A copy of a document whose FileHeader has these tags, and none that it had before; other
+    """A copy of a document with these tags in its FileHeader in the place of all former ones; other
     properties stay.
 
     Raises:

@@ -55,12 +55,14 @@ def convert(document: Document, to: Version) -> Document:
         )
     tree = copy.deepcopy(document.root.getroottree())
     etree.strip_attributes(tree, *OWN)
+    # Valid before, so that what is invalid afterwards is the target version's lack.
     copied = checked(Document(document.path, tree.getroot(), document.version, document.kind))
     if to == document.version:
         return copied
     top = Node(copied.root, document.path)
     _refuse_expressions(top, document.version, to)
     for change, tag in _changes(document.version, to):
+        # Listed, as changes add and remove elements of that name.
         for element in list(top.element.iter(tag)):
             try:
                 change(element)
@@ -141,6 +143,7 @@ def _changes(source: Version, to: Version) -> Iterator[tuple[Change, str]]:
     upwards = source < to
     for rule in RULES if upwards else reversed(RULES):
         change = rule.up if upwards else rule.down
+        # A step between two versions belongs to the later one.
         if change and min(source, to) < rule.version <= max(source, to):
             yield change, rule.tag
 
@@ -192,7 +195,7 @@ def _attribute(old: str, new: str) -> Change:
 
 
 def _implied(attribute: str, value: str) -> Change:
-    """An attribute that may go where it says what the older version means without it."""
+    """An attribute that is removed where it has the value that the older version implies."""
 
     def change(element: etree._Element) -> None:
         if element.get(attribute) == value:
@@ -202,7 +205,7 @@ def _implied(attribute: str, value: str) -> Change:
 
 
 def _zero(attribute: str) -> Change:
-    """A number that may go where it is 0, which the older version means without it."""
+    """A number that is removed where it is 0, which the older version implies."""
 
     def change(element: etree._Element) -> None:
         try:
@@ -226,8 +229,8 @@ SAID_SINCE: Version = (1, 2)
 
 
 def say_left_open(element: etree._Element) -> None:
-    """Say what an element of `LEFT_OPEN` of an older version means, so that it means the same from
-    `SAID_SINCE` on."""
+    """Write the implied attribute of an element of `LEFT_OPEN` of an older version, which means
+    something else from `SAID_SINCE` on."""
     attribute, value = LEFT_OPEN[str(element.tag)]
     if attribute not in element.attrib:
         element.set(attribute, value)
@@ -268,13 +271,12 @@ def _properties() -> etree._Element:
 
 
 def _never() -> etree._Element:
-    """A stop trigger that never fires, which is what the absence of one means."""
+    """A stop trigger that never fires, as an absent one."""
     return etree.Element("StopTrigger")
 
 
 def _at_once() -> etree._Element:
-    """A start trigger that always holds, which is what the absence of one means; its rule exists in
-    all versions."""
+    """A start trigger that always holds, as an absent one; all versions have its rule."""
     trigger = etree.Element("StartTrigger")
     condition = etree.SubElement(etree.SubElement(trigger, "ConditionGroup"), "Condition")
     condition.attrib.update({"name": "at once", "delay": "0", "conditionEdge": "none"})
@@ -298,7 +300,7 @@ def _straight_line(element: etree._Element) -> None:
 
 
 def _unwrapped(wrapper: str, only: str = "") -> Change:
-    """An element whose child stood in its own place before: of 1.1's TrajectoryRef, say."""
+    """An element that the older version has without its wrapper, as that of 1.1's TrajectoryRef."""
 
     def change(element: etree._Element) -> None:
         for outer in element.findall(wrapper):
@@ -312,6 +314,8 @@ def _unwrapped(wrapper: str, only: str = "") -> Change:
 def _split_controller_action(element: etree._Element) -> None:
     """One ControllerAction could assign, override and activate; since 1.3 each is a
     ControllerAction of its own."""
+    # From the last to the second: each becomes the next sibling of the first one's holder, which
+    # keeps their order.
     for child in list(element.iterchildren(etree.Element))[:0:-1]:
         holder = _holder(element)
         twin = etree.Element(holder.tag)
@@ -377,8 +381,7 @@ def _without_white_space(element: etree._Element) -> None:
         child.tail = (child.tail or "").strip() or None
 
 
-# what the versions say differently, in the order of the steps up
-# -----------------------------------
+# differences between versions, in the order of the steps up --------------------------------------
 
 _STRAIGHT = "euclidianDistance"
 _ALONG_ROUTE = ("DistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition")

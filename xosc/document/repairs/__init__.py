@@ -50,6 +50,7 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
         versions: those of the standard that can be read, ascending.
     """
     version = claimed(root)
+    # One validation decides: a valid document skips most repairs, whose faults the XSD would show.
     valid = version in versions and is_valid(root, version)
     remarks = [] if valid else correct_revision(root, versions)
     version = claimed(root)

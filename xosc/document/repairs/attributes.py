@@ -250,6 +250,7 @@ def _children(
     children: dict[str, Child] = {}
     kind, begin, end = etree.QName(model).localname, place, place
     for particle in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
+        # The alternatives of a choice share one place.
         start = begin if kind == "choice" else end
         many = particle.get("maxOccurs", "1") != "1"
         if name := particle.get("name"):
@@ -310,9 +311,8 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
     for node in root.iter():
         given = [str(name) for name in node.element.attrib] if node.tag in known else []
         unknown = [name for name in given if not (name in known[node.tag] or name.startswith("{"))]
-        if (
-            len(unknown) > _MOST_CORRECTED
-        ):  # one by one would take a time that grows with the square
+        # One by one would take a time that grows with the square of their number.
+        if len(unknown) > _MOST_CORRECTED:
             yield _left_out_together(node, unknown)
             continue
         for name in unknown:
@@ -349,7 +349,7 @@ _TOLD = 3
 def _left_out_together(node: Node, unknown: list[str]) -> Remark:
     """Leave out many unknown attributes of an element; the remark names the first of them."""
     absent = set(unknown)
-    # Names are a list, a value is a search through all before it: only those kept are asked for
+    # libxml2 searches all attributes before one for its value: only the kept ones are asked for.
     kept = {name: node.element.get(name, "") for name in node.element.attrib if name not in absent}
     node.element.attrib.clear()
     node.element.attrib.update(kept)
@@ -481,7 +481,7 @@ _AT_ONCE = "0"
 
 
 def add_missing_attributes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Add required attributes whose value is obvious."""
+    """Add required attributes that have one obvious value."""
     declared = attributes(version)
     for node in root.iter():
         for name, attribute in declared.get(node.tag, {}).items():

@@ -107,6 +107,7 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
         if len(inside) == 1 and not node.element.attrib and inside[0].has("dynamicsShape"):
             node.element.attrib.update(inside[0].element.attrib)
             node.element.remove(inside[0].element)
+            # An element without content may hold no line breaks either.
             node.element.text = None
             yield inside[0].remark(
                 SCHEMA_UID,
@@ -143,8 +144,8 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
 
 
 def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Rename elements whose name is nearly that of an allowed element that is absent, or is the
-    name of its type."""
+    """Rename misspelt elements: to an absent allowed element with nearly their name, or of the type
+    of that name."""
     declared, known = children(version), names(children)
     for node in list(root.iter()):
         siblings = declared.get(node.tag, {})
@@ -187,6 +188,7 @@ def order_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
         if late is None:
             continue
         first, second = inside[late], inside[late + 1]
+        # append moves an element that is in the tree; sorted keeps the order within a name.
         for child in sorted(inside, key=lambda node: siblings[node.tag].place):
             node.element.append(child.element)
         yield second.remark(
@@ -222,7 +224,7 @@ _ATTRIBUTES = {
 
 
 def add_missing_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Add required elements whose content is obvious."""
+    """Add required elements that have one obvious content."""
     declared = children(version)
     for node in list(root.iter(*{parent for parent, _ in _MEANINGS})):
         if node.tag == "OpenSCENARIO" and node.find("Storyboard") is None:
@@ -240,6 +242,7 @@ def _add(node: Node, name: str, child: Child, siblings: dict[str, Child]) -> Non
     added = etree.Element(name, _ATTRIBUTES.get(name, {}))
     if name in _INSIDE:
         etree.SubElement(added, _INSIDE[name])
+    # Errors about it name the line of the element around it.
     added.sourceline = node.line  # type: ignore[assignment]  # the stubs leave its type open
     later = next(
         (

@@ -103,10 +103,11 @@ def is_valid(root: Node, version: Version) -> bool:
 
 
 def _keeps(root: Node, version: Version) -> bool:
-    """Whether the content keeps the schema of a version, whatever the header says."""
+    """Whether the content, without its header, is valid against the XSD of a version."""
     schema = schema_for(OPENSCENARIO, version)
     if schema is None:
         return False
+    # On a copy: the header is completed only to ask.
     tree = copy.deepcopy(root.element.getroottree())
     header = header_of(tree.getroot())
     if header is None:

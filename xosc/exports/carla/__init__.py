@@ -100,6 +100,7 @@ def export(
             draft.note(*to_init(scenario))
         geometry = settings.locate(scenario) if settings.locate else None
         known = prepare(scenario, geometry, draft) if geometry else starts(scenario.node)
+        # After `prepare`, which says otherwise much of what is refused here.
         refuse(scenario, REFUSED)
         draft.note(*remarks(scenario, IGNORED))
         state = (
@@ -119,7 +120,7 @@ def export(
 
 
 def prepare(scenario: Document, geometry: RoadGeometry, draft: Draft) -> Mapping[str, InitialState]:
-    """Say what scenario_runner has no word for by what the roads make of it, in place; the initial
+    """Replace, in place, what scenario_runner lacks by places and ways on the roads; the initial
     states of all entities.
 
     Raises:

@@ -302,9 +302,8 @@ def change(
             _on_lane(node, known, roads)
     remarks = [_speed(node, state) for node in reversed(list(document.node.iter("SpeedAction")))]
     for node in document.node.iter("RelativeDistanceCondition"):
-        if (
-            node.get("coordinateSystem", "") in _ALONG_ROADS
-        ):  # scenario_runner's s and t are those of the road
+        # scenario_runner's s and t are those of the road.
+        if node.get("coordinateSystem", "") in _ALONG_ROADS:
             del node.element.attrib["coordinateSystem"]
     for node in document.node.iter(
         "TimeHeadwayCondition", "TimeToCollisionCondition", "DistanceCondition"
@@ -317,13 +316,11 @@ def change(
             node.element.set("alongRoute", "true")
     remarks += [_stop(document), _hero(document)]
     header = document.node.need("FileHeader")
-    if not header.get("description", "").removeprefix(
-        FLAG
-    ):  # scenario_runner takes it as the scenario's name
+    # scenario_runner takes the description as the name of the scenario.
+    if not header.get("description", "").removeprefix(FLAG):
         header.element.set("description", header.get("description", "") + document.path.stem)
-    for node in document.node.iter(
-        "TimeOfDay"
-    ):  # scenario_runner reads neither fractions nor time zones
+    # scenario_runner reads neither fractions of seconds nor time zones.
+    for node in document.node.iter("TimeOfDay"):
         node.element.set("dateTime", node.get("dateTime")[:_TO_SECONDS])
     return [remark for remark in remarks if remark]
 
@@ -462,6 +459,8 @@ def change_lanes(
     left_hand = network is not None and any(
         road.get("rule") == "LHT" for road in parse(network).getroot().iter("road")
     )
+    # Backwards: the lane at the beginning of an action is read from the actions before it, which
+    # are then still as written.
     for action in reversed(list(document.node.iter("LaneChangeAction"))):
         try:
             yield from _change(action, document.node, state, left_hand, geometry)
@@ -499,6 +498,8 @@ def _steps(target: Node, now: InitialState, other: InitialState | None, left_han
         target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)
     ):
         raise target.unsupported(unknown)
+    # In right-hand traffic lanes with negative ids lead towards +s, so that +t is to the left
+    # there.
     facing = 1 if (now.lane < 0) != left_hand else -1
     if target.tag == "AbsoluteTargetLane" or other is None:
         lane = target.int("value")

@@ -102,8 +102,8 @@ def _is_plain(position: Node) -> bool:
 
 
 def _rest(private: Node, start: InitialState, scenario: Node) -> Iterator[str]:
-    """All other actions: speeds that are set at once become absolute, what scenario_runner does not
-    read here goes on later."""
+    """Change all other first actions: steps of speed become absolute, actions that scenario_runner
+    does not read in Init move to a story."""
     for holder in private.children("PrivateAction"):
         action = _inside(holder)
         if action.tag == "SpeedAction":
@@ -174,6 +174,7 @@ def _at_beginning() -> etree._Element:
     group = etree.SubElement(trigger, "ConditionGroup")
     condition = etree.SubElement(group, "Condition", name=STORY, delay="0", conditionEdge="none")
     value = etree.SubElement(condition, "ByValueCondition")
+    # Always true, and of all versions: `greaterOrEqual` came with 1.1.
     etree.SubElement(value, "SimulationTimeCondition", value="-1", rule="greaterThan")
     return trigger
 
@@ -221,8 +222,7 @@ def no_delays(document: Document, geometry: RoadGeometry | None) -> Iterator[str
 
 
 def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> str:
-    """The time at which what the condition alone starts begins in a run, where the condition is not
-    about the ego."""
+    """Replace a condition by the time at which its element begins in a run; the remark."""
     around = list(condition.element.iterancestors("StartTrigger", "Event", "Act"))
     if geometry is None or not around or around[0].tag != "StartTrigger":
         raise condition.unsupported(_WAITS)
@@ -236,8 +236,8 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
         or len(around[0].findall("ConditionGroup/Condition")) > 1
     ):
         raise condition.unsupported(_WAITS)
-    # The moment of a run without a system; a condition on the ego would differ with the system, so
-    # it is refused above.
+    # The moment is that of a run without a system under test: conditions on the ego, which depend
+    # on the system, are refused above.
     for child in condition.children():
         condition.element.remove(child.element)
     value = etree.SubElement(condition.element, "ByValueCondition")
@@ -283,6 +283,7 @@ def times(document: Document) -> None:
         Unsupported: they count from the beginning of the scenario, and the action may start later.
     """
     for untimed in document.node.iter("FollowTrajectoryAction"):
+        # 1.0 asks for a time at each vertex; without a Timing none counts.
         for vertex in (
             untimed.iter("Vertex") if untimed.find("TimeReference", "Timing") is None else ()
         ):
@@ -294,6 +295,7 @@ def times(document: Document) -> None:
                 "scenario_runner's times of trajectories count from the start of the action"
             )
         scale, offset = timing.float("scale"), timing.float("offset")
+        # Timing: the time of a vertex counts as time · scale + offset.
         for timed in action.iter("Vertex", "ControlPoint"):
             if timed.has("time"):
                 timed.element.set("time", repr(timed.float("time") * scale + offset))

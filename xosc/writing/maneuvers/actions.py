@@ -226,7 +226,7 @@ def _measured(kind: str, coordinates: str, freespace: bool) -> dict[str, Any]:
 
 
 class Dynamics(NamedTuple):
-    """`TransitionDynamics`: how a change comes about.
+    """`TransitionDynamics`: shape and duration of a change.
 
     Attributes:
         shape: step, linear, sinusoidal or cubic.
@@ -283,8 +283,7 @@ def speed(target: Number, dynamics: Dynamics = STEP) -> Any:
 
 
 class Reaction(NamedTuple):
-    """`DynamicConstraints`: how hard one accelerates and brakes (m/s²), and how fast either comes
-    about (m/s³)."""
+    """`DynamicConstraints`: greatest acceleration and deceleration (m/s²), and jerk (m/s³)."""
 
     acceleration: float
     deceleration: float

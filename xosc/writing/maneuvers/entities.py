@@ -25,8 +25,7 @@ Number = float | str
 
 
 def number(value: Number) -> float | str:
-    """The value as scenariogeneration takes it; UsageError for what is neither finite nor a
-    reference."""
+    """A finite number or a reference for scenariogeneration; UsageError for anything else."""
     if isinstance(value, str):
         if value.startswith("$"):
             return value
@@ -73,9 +72,8 @@ class PolylineTrajectory(sg.Trajectory):
 
     def __init__(self, name: str, columns: Mapping[str, Sequence[float]]) -> None:
         super().__init__(name, False)
-        values = (
-            np.array(list(columns.values()), np.float64) + 0.0
-        )  # no -0.0: `_place` takes it for 0.0
+        # + 0.0 leaves no -0.0, which is equal to 0.0 in the cache of `_place` and has another text.
+        values = np.array(list(columns.values()), np.float64) + 0.0
         for value in values[~np.isfinite(values)].tolist():
             number(value)  # refuses it
         time, *places = values.tolist()
@@ -152,7 +150,7 @@ def vehicle(
     max_acceleration: float = 10.0,
     max_deceleration: float = 10.0,
 ) -> Any:
-    """A vehicle whose reference point is the centre of the rear axle, on the ground.
+    """A vehicle with its reference point at the centre of the rear axle, on the ground.
 
     Args:
         name: its name in a catalogue or as a type.
@@ -198,7 +196,7 @@ def pedestrian(
     category: str = "pedestrian",
     mass: float = 75.0,
 ) -> Any:
-    """A pedestrian whose reference point is the middle of its box, on the ground.
+    """A pedestrian with its reference point in the middle of its box, on the ground.
 
     Args:
         name: its name in a catalogue or as a type.
@@ -219,7 +217,7 @@ def obstacle(
     category: str = "obstacle",
     mass: float = 100.0,
 ) -> Any:
-    """A `MiscObject` whose reference point is the middle of its box, on the ground; see
+    """A `MiscObject` with its reference point in the middle of its box, on the ground; see
     `pedestrian`."""
     box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
     return sg.MiscObject(name, mass, enum_value("MiscObjectCategory", category), box)
