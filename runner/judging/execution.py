@@ -124,6 +124,7 @@ class Session:
         parameters: Mapping[str, Argument] | None = None,
         **changes: Unpack[SettingChanges],
     ) -> None:
+        # Who commands the ego also decides when the run is over: a contact does not end it.
         if settings is None and "sut" not in changes:
             changes = {"sut": Commanded(), "end_after_collision": False, **changes}
         self.settings = chosen = RunSettings.chosen(settings, changes)
@@ -136,6 +137,7 @@ class Session:
         else:
             self._compiled = compile_file(scenario, parameters, chosen)
         compiled = self._compiled.scenario
+        # A prepared scenario may have been resolved without constraints, and run with them.
         if chosen.enforce_constraints and compiled.violations:
             raise compiled.violations[0]
         self._ego = ego = self._compiled.ego(chosen.ego)
@@ -146,6 +148,7 @@ class Session:
             sim.note("constraint", "parameters", str(violation))
         self._departures = Departures(ego)
         sim.observers.append(self._departures)
+        # 0.3 / 0.1 is 2.999…: without the slack the last step of a time limit would be missing.
         self._steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
         self._status, self._seen = "timeout", 0
         self._ends_after_collision = chosen.ends_after_collision
@@ -157,6 +160,7 @@ class Session:
                     ego, driver_of(compiled, ego, self._system, chosen.timestep, chosen.seed)
                 )
             sim.begin()
+        # A process has one SUMO: after an interruption, too, it must not stay open.
         except BaseException:
             with suppress(ToolchainError):  # what has failed first is told
                 self.close()
@@ -206,6 +210,7 @@ class Session:
             raise self._refused(f"the run has ended at {self.time:g} s")
         if control is not None:
             self._check(control)
+        # A command holds for one step: one that is left out must not repeat the last.
         if isinstance(self._system, Commanded):
             self._system.command = control or Control()
         self._advance()
@@ -217,6 +222,7 @@ class Session:
         Args:
             progress: called after each step with the simulation time (s).
         """
+        # The rest is the scenario's: the last command of the caller must not go on.
         if isinstance(self._system, Commanded):
             self._system.command = Control()
         try:
@@ -249,6 +255,7 @@ class Session:
     def _advance(self) -> None:
         sim = self._sim
         sim.tick()
+        # `touched` walks the whole history, so it is asked only after a new contact of anyone.
         if (
             self._ends_after_collision
             and self._status != "collision"
@@ -256,8 +263,10 @@ class Session:
         ):
             self._seen = len(sim.contacts.history)
             last = sim.step_index + round(_AFTER_COLLISION / self.settings.timestep)
+            # A time limit that comes first keeps its own status.
             if self.touched and last < self._steps:
                 self._steps, self._status = last, "collision"
+        # The last step of a limit: actions that are under way are told in the remarks.
         if self._status == "timeout" and sim.step_index == self._steps and not sim.finished:
             sim.leave_off()
 
@@ -309,6 +318,7 @@ class Session:
             status="completed" if sim.finished else self._status,
             end_time=sim.time,
             verdict=verdict,
+            # Loading, running and judging may remark the same: each is told once, in order.
             remarks=tuple(dict.fromkeys(remarks)),
             ego=ego.name if ego is not None else None,
             sut=sut,
@@ -321,6 +331,7 @@ class Session:
             sut_parameters=parameters_of(system) if driven is not None else {},
             actors=compiled.storyboard.actors,
         )
+        # Limits are last: measures are worked out from the finished result.
         apply_limits(result, self.settings.limits, self.settings.least_values)
         return result
 
@@ -330,6 +341,7 @@ class Session:
         Raises:
             ToolchainError: the system under test fails while it ends.
         """
+        # The world goes first: a system that fails while it ends must not leave SUMO open.
         self._sim.world.close()
         end = getattr(self._system, "close", None)
         if end is not None and self._system is not None:

@@ -86,6 +86,7 @@ class Verdict:
         `INCONCLUSIVE`."""
         if self.failures:
             return FAILED
+        # `all` of no rows is true: a run without evidence must not pass.
         earned = bool(self.evidence) and all(row.enough for row in self.evidence)
         return PASSED if earned and not self.causes else INCONCLUSIVE
 
@@ -170,6 +171,7 @@ class RunResult:
     def assume(self, remarks: Sequence[Remark]) -> None:
         """Add assumptions on files that the run does not know, such as the distribution of its
         parameters."""
+        # Assumptions on files come first: they explain what follows.
         self.remarks = (*map(str, remarks), *self.remarks)
         causes = tuple(Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
         self.verdict = replace(self.verdict, causes=(*causes, *self.verdict.causes))

@@ -216,6 +216,7 @@ class RunSettings:
         if self.road not in (None, MADE) and not os.path.isfile(self.road):
             raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
         _ = self.limits, self.least_values  # parsed once, or refused here
+        # A limit beyond the longest run could never fail one, and would be green for ever.
         for limit in self.limits:
             if (
                 limit.name == "end_time"
@@ -254,6 +255,7 @@ class RunSettings:
             >>> xt.RunSettings.of_project(sut="adas").sut
             'adas'
         """
+        # The file may name a system under test, which is code.
         file = None if current().untrusted else read()
         if file is None:
             return cls(**changes)
@@ -262,6 +264,7 @@ class RunSettings:
             name: tuple(value) if isinstance(value, list) else value
             for name, value in values_of(file, known, "").items()
         }
+        # `new-failure` compares batches: as a limit of one run `Limit.parse` refuses it.
         limits = tuple(
             criterion for criterion in values.get("fail_if", ()) if criterion.strip() != NEW_FAILURE
         )

@@ -44,6 +44,7 @@ def judge(
     collisions = [
         f"collision with {second if first == ego.name else first} at {time:.2f} s"
         for time, first, second in contacts.history
+        # Contacts between others fail nothing: the verdict is about the ego's driver.
         if ego is not None and ego.name in (first, second)
     ]
     failures = (*collisions, *(str(result) for result in criteria if result.passed is False))
@@ -60,6 +61,7 @@ def results_of_criteria(
     """Results of the scenario's criteria for its ego and all others that it calls so."""
     if not criteria:
         return ()
+    # Files for CARLA may call several entities egos: criteria judge every one of them.
     egos = [
         entity.name
         for entity in scenario.entities.values()
@@ -84,6 +86,7 @@ def red_light_remarks(
     """A sentence on an ego that ran a red light, if no criterion of the scenario judges that."""
     if ego is None or not scenario.signals.history:
         return
+    # A file without this criterion does not ask for it: the ego is remarked, and does not fail.
     kind = kinds()["runningredlighttest"]
     if any(criterion.kind is kind for criterion in criteria):
         return
@@ -98,6 +101,7 @@ def red_light_remarks(
 def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
     """Reasons for which a run fails by limits; empty where it keeps them."""
     criticality = result.criticality
+    # Limits on events are about the ego, as those on measures are.
     own = [entry for entry in result.events if entry.subject == result.ego]
     facts = Facts(
         criticality.summary if criticality is not None else None,
@@ -117,6 +121,7 @@ def apply_limits(result: RunResult, limits: Sequence[Limit], least: Mapping[str,
     if not limits:
         return
     criticality, reasons = result.criticality, exceeded(result, limits)
+    # Without roads nobody can leave one: a limit on it would hold for ever and test nothing.
     roadless = result.recording.network is None
     shares = {
         limit.text: 0.0 if roadless and limit.needs_road else limit.defined(criticality)

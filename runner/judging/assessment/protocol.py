@@ -178,7 +178,9 @@ class SpeedBands:
             at = "an unknown speed" if test is None else f"{test:g} km/h"
             return Judgement(None, f"{_told(drive.contact)}; {self.elsewhere.format(at)}")
         colour = next(
-            (colour for limit, colour in self.bands[test] if impact < limit - _ROUNDING), "red"
+            # Limits are exclusive; km/h made of m/s miss a limit by rounding.
+            (colour for limit, colour in self.bands[test] if impact < limit - _ROUNDING),
+            "red",
         )
         return Judgement(COLOURS[colour], _told(drive.contact), colour)
 
@@ -227,6 +229,7 @@ class CutIn:
         depth: m.
     """
 
+    # UN R157, 5.2.5.2: v_rel / (2 · 6 m/s²) + 0.35 s, 0.3 m beyond the lane marking.
     deceleration: float = 6.0
     reaction: float = 0.35
     depth: float = 0.3
@@ -252,6 +255,7 @@ class CutIn:
         told = f"{_told(drive.contact)}; TTC {ttc:.2f} s at the intrusion, limit {limit:.2f} s"
         return (
             Judgement(0.0, told)
+            # UN R157, 5.2.5.2 requires to avoid the cut-in above the limit only.
             if ttc > limit
             else Judgement(None, f"{told}: the rule does not require to avoid it")
         )
@@ -274,6 +278,7 @@ class CutIn:
             {name: track.columns[name][rows] for name in track.columns}
             for track, rows in ((ego, mine), (other, its))
         )
+        # Each road has t from its own line: across roads they can't be compared.
         if (own["road_id"] != theirs["road_id"]).any() or len({*own["road_id"]}) > 1:
             return "the two are on different roads, where no intrusion is measured"
         road = network.road(str(own["road_id"][0]))
@@ -283,11 +288,13 @@ class CutIn:
                 for s, lane in zip(own["s"], own["lane_id"], strict=True)
             ]
         )
+        # From the ego's lane centre, at t minus the offset, to the near side of the other's box.
         aside = np.abs(theirs["t"] - (own["t"] - own["lane_offset"])) - other.box.width / 2.0
         inside = np.flatnonzero(width / 2.0 - aside >= self.depth)
         if not inside.size or inside[0] == 0:
             return "the other vehicle is in the ego's lane from the beginning, or never"
         row = int(inside[0])
+        # Reference points are those of rear axles: gaps count from box to box.
         centres = abs(float(theirs["s"][row] - own["s"][row])) + other.box.x - ego.box.x
         closing = float(own["speed"][row] - theirs["speed"][row])
         if closing <= 0.0 or times[row] > contact.time:

@@ -184,6 +184,7 @@ def kinds() -> dict[str, CriterionKind]:
 
 def intervals(holds: np.ndarray) -> list[tuple[int, int]]:
     """First and last row of each stretch of true values (n,)."""
+    # Zeros at both ends close open stretches; signed, since differences of booleans have no -1.
     edges = np.diff(np.concatenate([[0], holds.astype(np.int8), [0]]))
     return list(
         zip(
@@ -261,6 +262,7 @@ def _find(
     track = recording.tracks.get(name)
     if kind.on_roads and recording.network is None:
         return CriterionFinding(None, None, "there is no road network")
+    # CARLA's files may leave values out: a guess would decide the verdict.
     missing = [parameter for parameter, value in criterion.parameters.items() if value is None]
     if missing:
         return CriterionFinding(
@@ -271,6 +273,7 @@ def _find(
     mine = tuple(
         Contact(time, second if first == name else first)
         for time, first, second in history
+        # The delay of its condition is when a criterion begins to count.
         if name in (first, second) and time >= criterion.delay
     )
     drive = Drive(track, recording, mine, lights, criterion.delay)

@@ -94,6 +94,7 @@ class ArrayOutcomes:
         keys, inverse = np.unique(roads[rows], return_inverse=True)
         road = np.array([*map(self.roads.get, keys.tolist()), None], object)[inverse]
         hint = None
+        # Key 0 stands for no road: as in recordings, the nearest one counts then.
         for row in np.flatnonzero(keys[inverse] == 0) if self.network is not None else ():
             x, y, z, h = (float(columns[axis][row]) for axis in "xyzh")
             hint = self.network.locate(x, y, z, h, hint)
@@ -173,6 +174,7 @@ class ArrayJudge:
         self._scenario, self._sets, self._system = scenario, sets, system
         n = len(sets)
         board: Any = scenario
+        # The functions of `progress` read the storyboard alone, which a scenario has as well.
         self._events = scene_events(board)
         self._mishap = bool(mishap_events(board))
         """whether events wait for a contact, and for nothing else"""
@@ -240,9 +242,12 @@ class ArrayJudge:
         part = self._part
         if part is None:
             return
+        # A jump at a segment's first instant shows only against the last one before it.
         self._last = part.at, part.values[:, :2, part.count - 1].copy()
         if self._keeps:
             self._segments.append(part)
+            # Measuring writes codes of roads and places into a segment: the kept one stays as it
+            # is.
             part = replace(part, values=part.values.copy(), roads=part.roads.copy())
         if self._measuring is None:
             if not self._keeps:
@@ -354,16 +359,19 @@ class ArrayJudge:
                 every &= event.started[rows]
         lacking = seen.hasty[rows] | self._static
         doubt = seen.doubt[rows] | run.doubtful[rows] | seen.beyond[rows]
+        # A stop by time leaves nothing waiting where every event has started.
         out_of_time = self._are_out_of_time(run, rows, finished) & ~(finished & every)
         if self._events:
             lacking |= ~started
             doubt |= started & out_of_time
         else:
             doubt |= out_of_time
+        # As the rows `seconds` and `start` have it: such runs are rare, the interpreter judges them.
         if run.time < _SHORTEST or run.step_index == 0:
             doubt[:] = True
         driver: Any = run.driver
         if driver is not None:
+            # Least values of `command_seconds` and `command_share`; the ego is there all the time.
             seconds = max(_SHORTEST, _LEAST_SHARE * run.time)
             doubt |= driver.commanded[rows] * run.dt < seconds
         if self._system and not scripted_at_start(self._scenario, run.ego.entity):
@@ -371,6 +379,7 @@ class ArrayJudge:
         # Where events wait for a contact alone, a limit of time may cut off what they wait for.
         waits = self._mishap & self._are_out_of_time(run, rows, finished) & ~begun
         asked = ~(failed | doubt | lacking)
+        # Reserves are worked out run by run: only for those that nothing else has decided.
         if self._reserve <= 0.0:  # no reserve is less
             asked &= waits
         for place in np.flatnonzero(asked):
@@ -380,6 +389,7 @@ class ArrayJudge:
             )
         # Doubt comes before lack: the single run that it asks for knows more, and decides either.
         outcome = np.where(doubt, OPEN, np.where(lacking, INCONCLUSIVE, PASSED))
+        # A contact fails a run whatever its evidence, as in `Verdict.outcome`.
         self._outcome[at] = np.where(failed, FAILED, outcome)
 
     def _are_out_of_time(

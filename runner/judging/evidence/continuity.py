@@ -87,6 +87,7 @@ def beyond_performance(
         if fast.size:
             told = f"drives at {speed[fast[0]]:.2f} m/s at {time[fast[0]]:.2f} s"
             yield f"{where}{track.name} {told}; its Performance allows {limits.max_speed:g} m/s"
+        # One sentence for each participant: an excess of speed tells more than one of its rate.
         elif entity is ego:
             yield from _hasty(track, limits.max_acceleration, limits.max_deceleration, where)
 
@@ -99,6 +100,7 @@ def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[str]
         return
     rate = np.diff(speed) / np.diff(time)
     change = np.lib.stride_tricks.sliding_window_view(rate, steps)
+    # A whole window exceeds a limit only if its least rate does.
     sides = (
         ("accelerates", most, change.min(axis=1)),
         ("brakes", least, (-change).min(axis=1)),
@@ -122,6 +124,7 @@ def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
         where = f"{node.where}: " if node is not None else ""
         yield from displaced_boxes([entity])
         height = 0.0
+        # Miscellaneous objects, such as gantries, may hang above the road.
         if scenario.network is not None and track.kind != "miscellaneous":
             x, y, z, h = (float(track.columns[name][0]) for name in ("x", "y", "z", "h"))
             height = above_road(scenario.network, x, y, z, h)
@@ -135,6 +138,7 @@ def displaced_boxes(entities: Iterable[Entity]) -> Iterator[str]:
     for entity in entities:
         box, node = entity.box, entity.declared.node
         where = f"{node.where}: " if node is not None else ""
+        # 0 or less as long as the reference point lies within the box along that axis.
         beside = max(
             abs(box.x) - box.length / 2, abs(box.y) - box.width / 2, abs(box.z) - box.height / 2
         )
@@ -177,6 +181,7 @@ def interrupted(
         last = float(track.columns["time"][-1])
         moments = [(time, f"{track.name} was put elsewhere") for time in _jumps(track)]
         moments += [(time, f"{ego.name} was put elsewhere") for time in jumps]
+        # Participants that outlast the ego were not taken from it; times differ by whole steps.
         if last < min(end, left) - half:
             moments.append((last, f"{track.name} was removed"))
         for time, text in moments:
@@ -197,6 +202,7 @@ def _jumps(track: Track) -> list[float]:
     if len(time) < 2:
         return []
     way = np.linalg.norm([np.diff(columns[axis]) for axis in "xyz"], axis=0)
+    # The speed may have changed within the step; `JUMP` is what scripted steps may add.
     most = np.maximum(speed[1:], speed[:-1]) * np.diff(time) + JUMP
     return [float(time[row]) for row in np.flatnonzero(way > most)]
 
@@ -227,6 +233,7 @@ def next_contact(own: tuple[Spot, float], other: tuple[Spot, float], name: str) 
     """The contact of two boxes that keep their headings and speeds (m/s), the other one of that
     name."""
     (a, va), (b, vb) = own, other
+    # Velocities are horizontal: what passes above the ego now will not touch it.
     if vertical_gap(a, b) > 0.0:
         return NEVER
     seen = outlook(a, b)
@@ -239,6 +246,7 @@ def next_contact(own: tuple[Spot, float], other: tuple[Spot, float], name: str) 
 def _row(track: Track, time: float) -> tuple[Spot, float] | None:
     """Box and speed (m/s) of a participant at a time (s); None where it is not there."""
     columns = track.columns
+    # Times are rounded to ns: a time that a caller works out may differ from the row's.
     row = int(np.searchsorted(columns["time"], time - 1e-6))
     if row >= len(columns["time"]) or columns["time"][row] > time + 1e-6:
         return None

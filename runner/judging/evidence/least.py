@@ -28,6 +28,7 @@ def collect(run: Observed, least: Mapping[str, float] | None = None) -> tuple[Ru
             continue
         needed = chosen.get(row.name, row.least)
         texts = count.texts if count.value < needed else ()
+        # Rows such as `seconds` have no words of their own: they are told by their meaning.
         if count.value < needed and not any(texts):
             texts = (
                 f"{row.meaning}: {count.value:.2f} {row.unit}, {needed:g} {row.unit} are needed",
@@ -39,6 +40,7 @@ def collect(run: Observed, least: Mapping[str, float] | None = None) -> tuple[Ru
 def missing(evidence: Iterable[RunEvidence]) -> tuple[Cause, ...]:
     """Causes for which a run with this evidence is inconclusive."""
     lacking = {row.name: row for row in evidence if not row.enough}
+    # One lack is told once: an ego that was never there was not on a road or driven, either.
     told = (row for name, row in lacking.items() if not _explained(name, lacking))
     causes = (Cause(ROWS[row.name].cause, text) for row in told for text in row.texts)
     return tuple(dict.fromkeys(causes))

@@ -55,6 +55,7 @@ def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
 def untested_remarks(sim: Simulation) -> Iterator[str]:
     """A sentence on events that waited when the storyboard ended the run, neither by the time alone
     nor by a mishap."""
+    # A contact or the end of the road may end a scene early: what it left out is no gap in it.
     mishap = any(timed.condition.mishap for timed in _fired(sim))
     if sim.finished and not mishap and not out_of_time(sim) and first_event(sim) < math.inf:
         yield from left_out(sim)
@@ -94,6 +95,8 @@ def endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
     trigger = sim.storyboard.stop_trigger
     if sim.finished or trigger is None:
         return
+    # Groups are alternatives (ConditionGroup): with one that can still come true nothing is
+    # missing.
     awaited = [_running(group, sim, ego) for group in trigger.groups]
     if awaited and all(awaited):
         event = awaited[0]
@@ -110,6 +113,7 @@ def unmet(sim: Simulation) -> Iterator[str]:
     trigger = sim.storyboard.stop_trigger
     if sim.finished or trigger is None:
         return
+    # Events that wait for a contact need not start: waiting for one of them is no lack.
     wanted = {element for event in scene_events(sim) for element in (event, *event.children)}
     awaited = [_never_started(group, wanted) for group in trigger.groups]
     if awaited and all(awaited):
@@ -126,6 +130,7 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
         condition = timed.condition
         if isinstance(condition, StoryboardElementStateCondition):
             element = condition.element
+            # `wanted` has events and actions only: acts, stories and groups count by themselves.
             outer = not isinstance(element, Event | ActionElement)
             if isinstance(element, Element) and not element.first and (outer or element in wanted):
                 return element
@@ -179,6 +184,7 @@ def scene_events(sim: Simulation) -> list[Event]:
     """
     events = [event for act in sim.storyboard.acts for event in act.events]
     mishaps: set[Element] = set()
+    # An event that waits for the state of one that is a mishap is a mishap itself.
     for event in events:  # an event that waits for a later one is rare, and counts
         if any(
             _awaits_mishap(trigger, mishaps) for trigger in (event.trigger, _act_of(event).trigger)
@@ -218,6 +224,7 @@ def _awaits_mishap(trigger: Trigger | None, mishaps: Container[Element]) -> bool
         )
 
     groups = trigger.groups if trigger is not None else []
+    # All conditions of a group must hold, so that one mishap among them decides it.
     return bool(groups) and all(
         any(timed.condition.mishap or follows(timed.condition) for timed in group)
         for group in groups
@@ -230,6 +237,7 @@ def _acts_on_nothing(event: Event) -> bool:
 
 
 def _changes_nothing(action: Action) -> bool:
+    # CustomCommandAction is for a simulator that knows its type: none here executes it.
     if isinstance(action, CustomCommandAction):
         return True
     return isinstance(action, PrivateAction) and action.activates_controller
@@ -247,6 +255,7 @@ def _waits(event: Event, sim: Simulation) -> bool:
     if any(_never(trigger, sim) for trigger in (event.trigger, _act_of(event).trigger)):
         return False
     groups = event.trigger.groups if event.trigger is not None else []
+    # Conditions with a delay or an edge remember: asking them once more would change them.
     due = any(
         all(not timed.keeps_memory and timed.evaluate(sim) for timed in group) for group in groups
     )
@@ -275,6 +284,7 @@ def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:
         for element in event.actions
         for action in element.actions
     ]
+    # ParameterSetAction and ParameterModifyAction (both deprecated since 1.2) alone change one.
     return not any(
         isinstance(action, SetAction | ModifyAction) and action.target.name == condition.name
         for action in actions

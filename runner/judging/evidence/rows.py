@@ -76,6 +76,7 @@ class Observed:
         """Time with the ego in the world, s."""
         track = self.recording.tracks.get(self.ego.name) if self.ego is not None else None
         rows = len(track.columns["time"]) if track is not None else 0
+        # n rows are n - 1 steps.
         return max(rows - 1, 0) * self.sim.dt
 
 
@@ -233,6 +234,7 @@ def _places(run: Observed) -> Count:
 )
 def _participants(run: Observed) -> Count:
     there = [entity for entity in run.scenario.entities.values() if entity.controls.tractor is None]
+    # Traffic that actions bring in is not declared: it may appear or not.
     there = [entity for entity in there if not entity.spawned]
     absent = [entity for entity in there if not entity.placed]
     texts = [str(absence(run.scenario.path, entity)) for entity in absent]
@@ -251,6 +253,7 @@ def _participants(run: Observed) -> Count:
     early=True,
 )
 def _actions(run: Observed) -> Count:
+    # Empty elements explain events without an effect: one lack is told once.
     return _sound(tuple(_remarked(run, "empty")) or tuple(without_effect(run.sim)))
 
 
@@ -280,6 +283,7 @@ def _parameters(run: Observed) -> Count:
 def _ego(run: Observed) -> Count:
     if run.ego is not None:
         return Count(1.0)
+    # Boxes of a tractor and its trailer may overlap by construction, with or without a hitch.
     hitched = {
         entity.name
         for entity in run.scenario.entities.values()
@@ -325,6 +329,7 @@ def _start(run: Observed) -> Count:
     early=True,
 )
 def _road(run: Observed) -> Count:
+    # Without events nothing can come too early: only leaving the road at once counts.
     first = first_event(run.sim) if scene_events(run.sim) else 0.0
     texts = []
     for time, text in run.departures.first.values():
@@ -352,6 +357,7 @@ _ON_MOTION = re.compile(
 )
 def _performance(run: Observed) -> Count:
     texts = [*beyond_performance(run.scenario, run.recording, run.ego)]
+    # A speed beyond the Performance may be ours: the reader has to know of repairs.
     repairs = [remark for remark in run.scenario.remarks if _ON_MOTION.search(remark.element)]
     if texts and repairs:
         more = f" and {len(repairs) - 1} more" if len(repairs) > 1 else ""
@@ -411,6 +417,7 @@ def _completion(run: Observed) -> Count:
     if not out_of_time(sim):
         return Count(1.0)
     late = [*left_out(sim), *endless(sim, run.ego), *unmet(sim)]
+    # Events that wait for a contact may wait for ever: the limit cut them off only near one.
     contact = contact_at_end(run.recording, run.ego, sim.time)
     if contact.after <= APPROACH:
         late += [f"{text}, {contact.after:.2f} s later" for text in mishap_awaited(sim)]

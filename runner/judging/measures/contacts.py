@@ -49,6 +49,7 @@ def post_encroachment_time(
         The time (0 for a collision), the instant of the ego, and the partner; None without an
         encounter.
     """
+    # Pairs grow with the square of instants: finer recordings are thinned to this step.
     step = max(_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
     best: Extreme | None = None
     for block in blocks(others):
@@ -120,6 +121,7 @@ def _near(
     """Pairs of rows whose bounds touch along both axes."""
     if not len(a[0].middle):
         return
+    # Sorting along the longer axis leaves fewer neighbours to compare.
     first, second = (0, 1) if np.ptp(a[0].middle) > np.ptp(a[1].middle) else (1, 0)
     along, across, its_along, its_across = a[first], a[second], b[first], b[second]
     right, left = (
@@ -141,6 +143,7 @@ def _near(
     )
     sizes = end - begin
     ends = np.cumsum(sizes)
+    # In portions: the indices of all pairs of a long recording would fill the memory.
     starts = np.searchsorted(ends, np.arange(0, sizes.sum(), _PAIRS))
     for low, high in pairwise([*starts, len(sizes)]):
         own = np.repeat(np.arange(low, high), sizes[low:high])
@@ -213,6 +216,7 @@ def _with(ego: MotionRows, other: MotionRows) -> Impact | None:
     if not touching.size:
         return None
     first = int(touching[0])
+    # The view before tells the side: in contact both gaps may be 0.
     now, before = (
         View(*(values[row : row + 1] for values in view)) for row in (first, max(first - 1, 0))
     )
@@ -251,6 +255,7 @@ def _point(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, floa
     own, its = (
         _outline(motion, int(np.argmin(np.abs(motion.time - time)))) for motion in (ego, other)
     )
+    # Boxes touch within a rounding: without the buffer their intersection may be empty.
     place = shapely.intersection(own, its.buffer(_TOUCHING)).centroid
     row = int(np.argmin(np.abs(ego.time - time)))
     c, s = float(np.cos(ego.h[row])), float(np.sin(ego.h[row]))
@@ -305,6 +310,7 @@ class Conflict:
         none of the last 10 s does."""
         stride = max(1, round(_BRAKING_STEP / _timestep(self.ego)))
         first = int(np.searchsorted(self.ego.time, self.ego.time[self.row] - _LONGEST))
+        # Backwards from the contact: the first row that avoids it is the latest.
         rows = range(self.row - 1, first - 1, -stride)
         return next(
             (float(self.ego.time[row]) for row in rows if self._avoids(row, deceleration)), None
@@ -327,6 +333,7 @@ class Conflict:
         other's record has ended."""
         begin, speed = float(self.ego.time[row]), abs(float(self.ego.speed[row]))
         standing = speed / max(deceleration, 1e-3)
+        # Standing is no escape: the other one may still drive into the ego.
         end = max(begin + min(standing, 2 * _LONGEST), float(self.other.time[-1]))
         time = np.arange(max(begin, float(self.other.time[0])), end + _BRAKING_STEP, _BRAKING_STEP)
         braked = np.minimum(time - begin, standing)
@@ -339,7 +346,9 @@ def _along(motion: MotionRows, row: int, way: FloatArray) -> MotionRows:
     path has ended."""
     x, y = motion.x[row:], motion.y[row:]
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    # `np.interp` needs ascending ways: rows in standstill are left out.
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
+    # Interpolated headings must not turn round between -π and π.
     h = np.unwrap(motion.h[row:])
     x, y, z, h = (
         np.interp(way, driven[moving], values[moving]) for values in (x, y, motion.z[row:], h)

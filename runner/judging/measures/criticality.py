@@ -62,6 +62,7 @@ def deceleration_to_avoid_crash(gap: FloatArray, closing: FloatArray) -> Series:
 
 def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) -> Series:
     value = np.zeros_like(numerator)
+    # 0 where the boxes overlap, whatever the closing speed: 0 / 0 would be no number.
     np.divide(
         numerator,
         denominator,
@@ -103,6 +104,7 @@ def _margin(seen: View, along: FloatArray, across: FloatArray) -> FloatArray:
 
 
 def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
+    # A rear one that reverses is taken as standing: it moves away from what is ahead.
     following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
     followed = rss.longitudinal_distance(
         np.maximum(seen.other_speed, 0.0), seen.speed, parameters, parameters.response_other
@@ -111,6 +113,7 @@ def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> FloatArra
 
 
 def _lateral_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
+    # `View` counts lateral speeds to the left, `lateral_distance` to the right.
     own, other = parameters.response, parameters.response_other
     ego_left = rss.lateral_distance(-seen.sideways, -seen.other_sideways, own, other, parameters)
     ego_right = rss.lateral_distance(-seen.other_sideways, -seen.sideways, other, own, parameters)
@@ -182,6 +185,7 @@ class Criticality:
     def impact(self) -> Impact | None:
         """The first contact with anyone; None without one."""
         ego, others = self._motions
+        # Relations are worked out anew for each one: only for those that have touched the ego.
         return first_impact(
             ego, [other for other, touched in zip(others, self._touched, strict=True) if touched]
         )
@@ -209,6 +213,7 @@ class Criticality:
         if len(self.time) < 2:
             return 0.0
         inside = (self.time > until - window + _INSTANT) & (self.time <= until + _INSTANT)
+        # The least step: a track with gaps has longer ones.
         step = float(np.diff(self.time).min())
         return min(float((self.violation[parameters] & inside).sum()) * step / window, 1.0)
 
@@ -269,9 +274,11 @@ def criticality(ego: MotionRows, others: Sequence[MotionRows]) -> Criticality:
             violation[name][rows[_violated(view.ahead, along) & _violated(view.aside, across)]] = (
                 True
             )
+            # Rows repeat, one for each other: plain assignment would keep the last one.
             np.minimum.at(margin[name], rows, _margin(view, along, across))
         nearer = _least(rows, apart, distance)
         distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], names[who[nearer]]
+        # Boxes that touch have no gap along: they count as a lead with gap 0.
         ahead = np.flatnonzero((view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)))
         ahead = ahead[_least(rows[ahead], view.ahead[ahead], gap)]
         gap[rows[ahead]], lead[rows[ahead]] = view.ahead[ahead], names[who[ahead]]
@@ -289,6 +296,7 @@ def criticality(ego: MotionRows, others: Sequence[MotionRows]) -> Criticality:
         margin={
             name: Series(np.where(present, least, 0.0), present) for name, least in margin.items()
         },
+        # Shares end with the first collision: what follows it is its consequence.
         active=present & ~_earlier(collided),
         nearest=nearest,
         _touched=np.concatenate([np.zeros(0, bool), *touched]),

@@ -300,6 +300,7 @@ class Limit:
                 "--against BATCH"
             )
         match = _FORM.fullmatch(text)
+        # Measures need a number, events must not have one.
         if match is None or match[1] not in (UNITS | units() if match[2] else EVENTS):
             raise UsageError(
                 f"--fail-if {text!r}: {_guess(text)}a measure with a limit is "
@@ -314,6 +315,7 @@ class Limit:
         if not math.isfinite(value):
             raise UsageError(f"--fail-if {text!r}: {match[3]!r} is no number")
         limit = cls(text.strip(), match[1], match[2] or "", value)
+        # A limit that no run can reach would be green for ever.
         if match[2] and not limit.reachable:
             raise UsageError(f"--fail-if {text!r}: no run can reach this limit: {limit.bounds}")
         return limit
@@ -322,6 +324,7 @@ class Limit:
     def reachable(self) -> bool:
         """Whether a measure can have a value beyond it."""
         compare = _COMPARISONS[self.comparison]
+        # The extreme value on that side decides: no measure is below 0.
         return compare(0.0 if self.comparison.startswith("<") else self._greatest, self.value)
 
     @property

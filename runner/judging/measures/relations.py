@@ -171,6 +171,7 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
     a, b, rows, theirs, who = common(ego, everyone)
     seen = seen_by(a, b)
     distance = box_distance(a, b, seen)
+    # As a slope, so that a car ahead on a hill is on the same level and a bridge is not.
     level = vertical_gap(a, b) <= STEEPEST * distance
     if not level.all():
         rows, theirs, who, distance = rows[level], theirs[level], who[level], distance[level]
@@ -254,6 +255,7 @@ def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Float
     begins = np.diff(who, prepend=-1) != 0
     jumps = begins.copy()
     jumps[1:] |= motion.road[1:] != motion.road[:-1]
+    # Values before the first row are masked by `jumps`. Reversing is movement, not a turn.
     turns = np.where(jumps, 0.0, np.sign(np.diff(motion.s, prepend=0.0)) * np.sign(motion.speed))
     known = np.concatenate([[-1], np.flatnonzero(turns), [len(who)]])
     place = 1 + np.cumsum(turns != 0.0)[rows]
@@ -268,6 +270,7 @@ def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Float
         0.0,
         np.diff(motion.t, prepend=0.0) / np.maximum(np.diff(motion.time, prepend=0.0), 1e-9),
     )
+    # A first row has no step before it: it takes the rate of the next one.
     first = np.flatnonzero(begins[:-1] & ~begins[1:])
     drift[first] = drift[first + 1]
     return side, drift[rows]

@@ -54,6 +54,7 @@ class FieldParameters:
     @property
     def times(self) -> FloatArray:
         """Look-ahead times (k,), s."""
+        # Without time 0: the deviation there is 0, and boxes that touch are looked at apart.
         return np.arange(1, round(self.ahead / self.step) + 1, dtype=np.float64) * self.step
 
 
@@ -91,12 +92,14 @@ def risk_field(ego: MotionRows, other: MotionRows, parameters: FieldParameters =
     approach, touching = _approach(ego, other), boxes_overlap(ego, other)
     bounds = _bounds(approach, parameters.times, parameters)
     rows = np.arange(len(touching))
+    # The time with the greatest bound first: its probability excludes most of the others.
     likeliest = bounds.argmax(axis=0)
     found = _overlap(approach, likeliest, rows, parameters)
     with np.errstate(divide="ignore"):
         times, rows = np.nonzero(
             (bounds > np.log(found) - _SLACK) & ~touching
         )  # no other instant can be more
+    # A row may occur with several times: plain assignment would keep the last one.
     np.maximum.at(found, rows, _overlap(approach, times, rows, parameters))
     probability = np.where(touching, 1.0, found)
     return Field(probability, probability * approach.energy(parameters))
@@ -115,6 +118,7 @@ def greatest(
         a, b, _, _, who = common(ego, block)
         if not who.size:
             continue
+        # Two sieves: few sums for every row, then one bound for each time of the rows left.
         rows = _candidates(a, b, parameters, _roughly)
         rows = rows[_candidates(a.at(rows), b.at(rows), parameters, _finely)]
         field = risk_field(a.at(rows), b.at(rows), parameters)
@@ -214,6 +218,7 @@ def _bounds(
     for place, velocity, half, deviation in zip(
         *approach, (parameters.along, parameters.across), strict=True
     ):
+        # At time 0 the deviation is 0: its floor leaves boxes that are apart then no probability.
         distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
         bounds -= 0.5 * (distance / np.maximum(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
     return bounds

@@ -134,6 +134,7 @@ class ArrayMeasures:
             yield part
 
     def _is_known(self, part: Segment, sizes: IntArray) -> bool:
+        # Runs that are over have no later movement that a segment could wait for.
         going = sizes[part.at] == ENDLESS
         return all((way.facing[part.at] != 0.0)[going].all() for way in self._ways)
 
@@ -324,9 +325,11 @@ def _relation(
     """
     a, b = ego.rows, other.rows
     heights = vertical_gap(a, b)
+    # Exact distances only where a bound says that they may be the least of their run.
     near: Any = np.nonzero(_may_be_nearest(a, b, runs, bounds, heights, valid))
     apart = np.full(heights.shape, np.inf)
     apart[near] = box_distance(OutlinesAt.of(a, near), OutlinesAt.of(b, near))
+    # Distances that were not worked out are infinite: `near` holds all rows with a height.
     level = heights <= STEEPEST * apart
     if valid is not None:
         level &= valid
@@ -337,6 +340,7 @@ def _relation(
     if not same.all():
         elsewhere = np.nonzero(~same)
         c, d = _picked(a, elsewhere), _picked(b, elsewhere)
+        # `on_road_view` returns arrays of the motion itself, which must not be written to.
         view = View(*(np.array(values) for values in view))
         for values, free in zip(view, in_ego_frame(c, d, seen_by(c, d)), strict=True):
             values[elsewhere] = free

@@ -102,9 +102,11 @@ class RoadMotion:
             first = (turns != 0.0).argmax(axis=0)
             self.facing[runs] = turns[first, np.arange(len(runs))]
         row = 1 - part.first
+        # Step 1 gives step 0 its lateral speed, as `relations.along_road` does for a first row.
         if 0 <= row < part.count:
             before, road = (old_t[part.at], old_road[part.at]) if row == 0 else (t[0], roads[0])
             rate = (t[row] - before) / self._elapsed(1)
+            # A change of roads has no rate; runs of one instant have no step.
             self._second[part.at] = np.where((roads[row] == road) & (sizes[part.at] > 1), rate, 0.0)
         for old, now in zip(self._seen, (s, t, roads), strict=True):
             old[part.at] = now[-1]

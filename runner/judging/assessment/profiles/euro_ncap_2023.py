@@ -76,6 +76,7 @@ PROFILE = AssessmentProfile(
         Column("overlap (%)", (_OVERLAP,)),
     ),
     tests=(
+        # The first pattern that fits counts: narrower ones stand before wider ones.
         ProtocolTest("CCRs FCW", "Car-to-car rear stationary, warning", "3.3.2", "C2C_CCRs_FCW",
             Unassessed(_WARNING)),
         ProtocolTest(

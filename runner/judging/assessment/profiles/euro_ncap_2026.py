@@ -42,6 +42,7 @@ _IMPACT = SpeedBands(_BANDS, _SPEED, relative=True, elsewhere="the protocol has 
 _REDUCTION = SpeedReduction(((20.0, 1.0), (10.0, 0.5)), _SPEED)
 _OVERLAPS = (-50.0, -75.0, 100.0, 75.0, 50.0)
 """Overlaps of the files that stand for the impact locations 0 to 100 %"""
+# The target drives 60 km/h slower than the ego, and at least 20 km/h.
 _MOVING = {float(speed): max(20.0, speed - 60.0) for speed in range(30, 140, 10)}
 _WARNING = "the test rates the time of a warning, which is not simulated"
 _TURNING = "the ego turns on the protocol's path: a system that brakes only acts on it"
@@ -82,6 +83,7 @@ PROFILE = AssessmentProfile(
         Column("overlap or impact location (%)", (_OVERLAP,)),
     ),
     tests=(
+        # The first pattern that fits counts: narrower ones stand before wider ones.
         _test("CCRs FCW", "Car-to-car rear stationary, warning", "C2C_CCRs_FCW", 0.0, {},
             criterion=Unassessed(_WARNING)),
         _test(
@@ -97,6 +99,7 @@ PROFILE = AssessmentProfile(
             remark="headway and deceleration of the target are not public in numbers, so that no "
                    "run is one of the test points",
         ),
+        # Two of the 18 test points that share 2 points: the files have 50 and 70 km/h at 50 %.
         _test(
             "CCFhos", "Car-to-car front head-on straight", "C2C_CCFhos_", 2.0 * 2 / 18,
             {_SPEED: _even(50, 70)},
@@ -129,6 +132,7 @@ PROFILE = AssessmentProfile(
         ),
         _test("CPLA FCW", "Pedestrian, longitudinal, warning", "VRU_CPLA-25", 0.0, {},
             criterion=Unassessed(_WARNING)),
+        # Six of the 10 test points: the others rate a warning.
         _test(
             "CPLA", "Pedestrian, longitudinal adult, day", "VRU_CPLA", 1.0 * 6 / 10,
             {_SPEED: _TO_60, _OVERLAP: _even(50)}, {_VRU: 5.0},
@@ -157,6 +161,7 @@ PROFILE = AssessmentProfile(
             remark=_ONE_PLACE),
         _test("CBLA FCW", "Cyclist, longitudinal, warning", "VRU_CBLA-25", 0.0, {},
             criterion=Unassessed(_WARNING)),
+        # Five of the 9 test points: the others rate a warning.
         _test(
             "CBLA", "Cyclist, longitudinal", "VRU_CBLA", 2.0 * 5 / 9,
             {_SPEED: _even(*range(20, 70, 10)), _OVERLAP: _even(50)}, {_VRU: 15.0},

@@ -109,6 +109,7 @@ def keep_lane(drive: Drive) -> CriterionFinding:
     for x, y in drive.corners():
         places = place(drive.network, x, y, columns["z"], columns["h"])
         stretch = _stretches(drive, places.road_id, places.s)
+        # Lane ids mean the same within one lane section only.
         crossed |= (
             (stretch[1:] == stretch[:-1])
             & (stretch[1:] >= 0)
@@ -180,8 +181,10 @@ def wrong_lane(drive: Drive) -> CriterionFinding:
 def _against(drive: Drive, road_id: str, lane_id: int, s: float, h: float) -> bool:
     """Whether a heading (rad) is against the traffic of a lane outside of junctions."""
     road = drive.network.roads[road_id]
+    # Rounding may put a place beyond its road, where there is no lane section.
     inside = min(max(s, 0.0), road.length)
     lane = road.section(inside).lanes.get(lane_id)
+    # Lanes of a junction overlap, and one for both directions (`both`) has no wrong one.
     if (
         road.junction_id is not None
         or lane is None

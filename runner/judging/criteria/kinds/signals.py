@@ -37,11 +37,13 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
     for row in range(1, len(columns["time"])):
         for road_id, lane_id, low, high, forwards, entered in _ways(drive, row):
             road = drive.network.roads[road_id]
+            # Against the traffic of its lane a drive passes signals that are for the others.
             if (road.direction(lane_id, min(max(low, 0.0), road.length)) > 0) != forwards:
                 continue
             if road_id not in lines:
                 lines[road_id] = list(signal_lines(drive.network, road, wanted))
             for line in lines[road_id]:
+                # Within a junction a signal holds where its road is entered (`signals_ahead`).
                 passed = (
                     entered
                     if road.junction_id is not None
@@ -64,6 +66,7 @@ def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool
             yield road_a, lane_b, min(a, b), max(a, b), b > a, False
         return
     roads = drive.network.roads
+    # Roads join at either end: the nearer one is where it has left or entered.
     to_end, from_start = a > roads[road_a].length / 2, b < roads[road_b].length / 2
     yield (
         (road_a, lane_a, a, roads[road_a].length, True, False)
@@ -100,6 +103,7 @@ def running_red_light(drive: Drive) -> CriterionFinding:
     if red:
         return CriterionFinding(
             False,
+            # Several lights over one line are one red light.
             float(len({c.row for c in red})),
             f"ran the red light {red[0].signal.id} at {red[0].time:.2f} s",
         )

@@ -190,6 +190,7 @@ class RssRisk(RunMeasure):
         self.formula = (
             f"share of time with gap < safe distance, along and across, set `{parameters}`"
         )
+        # One of the sets stands in reports: both there would say nearly the same twice.
         self.most = 1.0 if parameters == "ad-rss" else None
 
     def defined(self, run: Criticality) -> float:

@@ -43,6 +43,7 @@ def mass(motion: MotionRows) -> float:
 def change_of_velocity(speed: float, own: float, other: float) -> float:
     """Change of velocity (m/s) of a participant with a mass that hits one of another mass (kg) at a
     relative speed (m/s)."""
+    # inf / inf has no value: against a fixed object the whole speed is lost.
     if math.isinf(other):
         return speed
     return 0.0 if math.isinf(own) else speed * other / (own + other)
