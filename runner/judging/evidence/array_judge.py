@@ -366,7 +366,7 @@ class ArrayJudge:
             doubt |= started & out_of_time
         else:
             doubt |= out_of_time
-        # As the rows `seconds` and `start` have it: such runs are rare, the interpreter judges them.
+        # As the rows `seconds` and `start` have it: such runs are rare, and left open.
         if run.time < _SHORTEST or run.step_index == 0:
             doubt[:] = True
         driver: Any = run.driver

@@ -73,15 +73,16 @@ class Fmu:
 
     The mapping file is TOML:
 
-        [inputs]                                              # variable of the FMU = field of the
-        observation v_ego = "ego.speed" gap = { field = "lead.gap", absent = 250.0 }          #
-        absent: without a lead; 0 unless given v_set_kmh = { field = "target_speed", factor = 3.6 }
-        # factor: of units
+        [inputs]      # variable of the FMU = field of the observation
+        v_ego = "ego.speed"
+        gap = { field = "lead.gap", absent = 250.0 }  # value without a lead, 0 by default
+        v_set_kmh = { field = "target_speed", factor = 3.6 }  # change of units
 
-        [outputs]                                             # field of the answer = variable of
-        the FMU acceleration = "a_demand" steering = { variable = "wheel_deg", factor = 0.0174533 }
+        [outputs]     # field of the answer = variable of the FMU
+        acceleration = "a_demand"
+        steering = { variable = "wheel_deg", factor = 0.0174533 }
 
-        [parameters]                                          # variable of the FMU = value
+        [parameters]  # variable of the FMU = value
         time_gap = 1.8
 
     Fields of the observation are `time`, `dt`, `target_speed`; `signal_distance` to the next
