@@ -329,6 +329,7 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     if not callable(factory):
         raise UsageError(f"{_told(name, entry)} is not a class")
     values = arguments(factory, given, name)
+    # A wrong file of a system is refused once, before any run of a batch.
     if name in _own() and hasattr(factory, "check"):
         factory.check(**values)
     return partial(factory, **values) if values else factory

@@ -99,6 +99,7 @@ class _OneByOne(ArraySystem):
             self._systems[run] = system = next(self._instances)
             try:
                 system.reset(ego, timestep, seed)
+            # The run stays unanswered: the interpreter plays it, and names the error.
             except RAISED:
                 self._end(run)
 
@@ -114,6 +115,7 @@ class _OneByOne(ArraySystem):
         answer: Control | Pose | None = None
         with suppress(*RAISED):
             answer = plain(system.control(observation, dt))
+        # Poses have no arrays: such runs are the interpreter's, too.
         if not isinstance(answer, Control):
             self._end(run)
             return None
@@ -168,6 +170,7 @@ def _builder(sut: str | System | None) -> Callable[[], System | None] | None:
     if not isinstance(sut, str):
         return lambda: sut
     factory = find_system(sut)
+    # A factory with arguments is a `partial` about its class.
     _refuse(getattr(factory, "func", factory), sut)  # before it opens what it needs
     return builder(sut)
 

@@ -236,6 +236,7 @@ def stack_participants(
     """Participants as arrays of a shape, (n,) where none is given; None where one is absent."""
     shape = shape or (len(participants),)
     everyone = [_ABSENT if participant is None else participant for participant in participants]
+    # `zip` of nobody gives no columns at all.
     columns = list(zip(*everyone, strict=True)) or [()] * len(Participant._fields)
     values: dict[str, Any] = {}
     for name, column in zip(Participant._fields, columns, strict=True):
@@ -258,6 +259,7 @@ _OBJECTS = ("name", "kind", "category", "lights", "overrides")
 
 def objects(values: Sequence[Any]) -> ObjectArray:
     """An array (n,) of objects, which are kept as they are, sequences as well."""
+    # `np.array` would make a second axis of sequences of equal length.
     return np.fromiter(values, dtype=object, count=len(values))
 
 
@@ -352,6 +354,7 @@ def _checked(what: str, values: Any, mask: Any, n: int) -> tuple[FloatArray, Boo
         return np.zeros(n), np.zeros(n, bool)
     numbers = np.asarray(values)
     counts = np.ones(n, bool) if mask is None else np.asarray(mask)
+    # Kind `b` is left out: truths are no accelerations.
     if numbers.dtype.kind not in "fiu" or counts.dtype != np.bool_:
         raise TypeError(f"control_batch() returned {what} of other types than numbers and truths")
     if numbers.shape != (n,) or counts.shape != (n,):

@@ -174,6 +174,7 @@ def plain(answer: object) -> Control | Pose:
         return Pose(
             float(answer.x), float(answer.y), float(answer.h), _float(answer.speed), answer.reason
         )
+    # Most answers hold plain numbers already; numpy's would end up in results as JSON.
     if type(answer.acceleration) in _PLAIN and type(answer.steering) in _PLAIN:
         return answer
     return Control(_float(answer.acceleration), _float(answer.steering), answer.reason)
@@ -336,6 +337,7 @@ def _attribute(system: Any, name: str) -> Any:
 def _declared(factory: Callable[..., Any]) -> dict[str, inspect.Parameter]:
     try:
         parameters = inspect.signature(factory).parameters.values()
+    # Classes of extension modules may have no signature.
     except (TypeError, ValueError):
         return {}
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
@@ -344,6 +346,7 @@ def _declared(factory: Callable[..., Any]) -> dict[str, inspect.Parameter]:
 
 def _kind(parameter: inspect.Parameter) -> str:
     """Name of a parameter's type: as declared, or that of its default."""
+    # Under `from __future__ import annotations` types are texts.
     if parameter.annotation is not inspect.Parameter.empty:
         return str(getattr(parameter.annotation, "__name__", parameter.annotation))
     return (

@@ -204,6 +204,7 @@ class WorldDriver(EgoDriver):
             or ego.speed < 0.0
         )
         if moved or not (self.longitudinal or self.lateral):
+            # The scenario has the ego: the next handover asks the world anew.
             self._refused = False
             return None
         if self._refused:
@@ -251,6 +252,7 @@ class SystemDriver(EgoDriver):
         self.system = system
         self._cruise = cruise
         self._intervening = False
+        # From standstill to its cruise speed as after an intervention: at once would be a jump.
         self._returning = cruise is not None
         self._sliding = 0.0
         self.implausible = ""
@@ -265,6 +267,7 @@ class SystemDriver(EgoDriver):
             self.count(True, True)
             return self._put(ego, control, run)
         steering = control.steering if self.lateral else None
+        # Pedals that the scenario holds are no command of the system.
         self.count(self.longitudinal and not _held(ego), steering is not None)
         control = _overridden(control, ego) if self.longitudinal else Control()
         if control.acceleration is not None:
@@ -309,6 +312,7 @@ class SystemDriver(EgoDriver):
         dx, dy = pose.x - ego.x, pose.y - ego.y
         along, aside = (dx * c + dy * s) / dt, (dy * c - dx * s) / dt
         speed = along if pose.speed is None else pose.speed
+        # At speed some slip is normal, when parking some sideways speed: the greater bound counts.
         slides = abs(aside) > max(_SLIDING, _SLIP * abs(along))
         self._sliding = self._sliding + dt if slides else 0.0
         if not self.implausible:
@@ -325,6 +329,7 @@ class SystemDriver(EgoDriver):
         before, now, moved = abs(ego.speed), abs(speed), math.hypot(dx, dy) / dt
         if off > _OFF + _GRAVITY * dt * dt:
             return f"{ego.name} is put {off:.2f} m from where it would be at {then}"
+        # The displacement has to fit a speed between those at both ends of the step.
         if not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
             return (
                 f"{ego.name} is put {moved * dt:.2f} m further at {then}, at a speed of "
@@ -335,6 +340,7 @@ class SystemDriver(EgoDriver):
                 f"{ego.name} changes its speed from {ego.speed:.2f} to {speed:.2f} m/s within a "
                 f"step at {then}"
             )
+        # Half a step is rounding: the time is a sum of steps.
         if self._sliding > _SLIDING_TIME - dt / 2:
             return (
                 f"{ego.name} has moved sideways at more than {_SLIDING:g} m/s for "
@@ -347,6 +353,7 @@ class SystemDriver(EgoDriver):
         ends in standstill."""
         self._begin(ego, reason, run)
         limits = ego.declared.performance
+        # No acceleration beyond the grip of the road, whatever the Performance says.
         grip = _GRAVITY * run.environment.friction
         speed = (
             ego.speed
@@ -517,6 +524,7 @@ def _constants(rows: Sequence[EntityRows], n: int, shape: tuple[int, ...]) -> di
 
     def spread(values: Sequence[Any], kind: Any = float) -> Any:
         column = objects(values) if kind is object else np.array(values, kind)
+        # Views, not copies: arrays of observations may be read-only.
         return np.broadcast_to(column.reshape(-1, 1) if len(shape) > 1 else column, shape)
 
     constants: dict[str, Any] = {
@@ -562,12 +570,14 @@ def _signals(run: Run, ego: Entity) -> Sequence[SignalAhead]:
         if ego.on_lane
         else math.cos(ego.h - run.roads.network.pose(point).h) >= 0.0
     )
+    # In reverse the lights on its way are those behind it.
     return run.signals.ahead(point, along == (ego.speed >= 0.0), ego.controls.route)
 
 
 def failed(system: System, error: BaseException, time: float) -> ToolchainError:
     """An error of a system under test, which is named, at a simulation time (s)."""
     if isinstance(error, ToolchainError):
+        # Errors of a kind of their own, as a wrong file, keep it: the exit code follows from it.
         if type(error) is not ToolchainError:
             return error
         return SystemUnderTestError(
@@ -618,6 +628,7 @@ def _overridden(control: Control, ego: Entity) -> Control:
     backwards = max(
         backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, PEDAL)
     )
+    # Released pedals and no answer: the scenario's speed applies.
     if control.acceleration is None and forwards == backwards == 0.0:
         return control
     return replace(

@@ -29,6 +29,7 @@ _OVERSHOT = 1.0
 
 def choose(condition: Any, one: Any, other: Any) -> Any:
     """One value where a condition holds, the other one elsewhere."""
+    # By identity: numbers and arrays come here, and arrays have no truth of their own.
     if condition is True:
         return one
     if condition is False:
@@ -145,12 +146,14 @@ def nearest(
     and where there is one (n,)."""
     if not len(ahead):
         return there, line
+    # Gaps of participants that are not ahead must not be the least.
     gaps = np.where(ahead, found.gap, np.inf)
     row = gaps.argmin(axis=0)
     first = AheadParticipant("", *(at_row(values, row) for values in found[1:]))  # type: ignore[arg-type]
     is_met = np.isfinite(gaps.min(axis=0))
     if not there.any():
         return is_met, first
+    # Of equal gaps the participant counts, as `min` takes the first in single runs.
     stops = there & ~(is_met & (first.gap <= line.gap))
     both = zip(first[1:], line[1:], strict=True)
     return is_met | there, AheadParticipant("", *(np.where(stops, b, a) for a, b in both))  # type: ignore[arg-type]
@@ -166,6 +169,7 @@ def at_row(values: FloatArray, row: IntArray) -> FloatArray:
 
 def _line(name: str, distance: Any, box: BoundingBox, speed: Any) -> AheadParticipant:
     gap = distance - (box.x + 0.5 * box.length)
+    # A line lies across the whole way: no law takes it for something beside the ego.
     return AheadParticipant(name, gap, -box.width, box.length, 0.0, speed, 0.0)
 
 

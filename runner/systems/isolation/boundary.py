@@ -95,10 +95,14 @@ class _SystemProcess:
             flag = subprocess.CREATE_NEW_PROCESS_GROUP  # type: ignore[attr-defined]
             group = {"creationflags": flag, "close_fds": False}
         arguments = [json.dumps(sys.path), str(other.fileno()), str(os.getpid()), name]
+        # The child alone may hold its end: otherwise its death would not close the connection.
         with other:
             try:
                 self._process = subprocess.Popen(
+                    # The path of imports is handed over as it is here: `-P` puts no folder before
+                    # it.
                     [sys.executable, "-P", "-c", _BOOT, *arguments],
+                    # The input of the command is not for a class of the user.
                     stdin=subprocess.DEVNULL,
                     stdout=_error_output(),
                     **group,
@@ -162,6 +166,7 @@ class _SystemProcess:
             raise failure
         if answer[:1] == ERROR:
             kind, text, path = json.loads(answer[1:])
+            # By name, since classes do not pass: other kinds are errors of usage.
             raise _ERRORS.get(kind, UsageError)(text, path=path)
         return answer
 
@@ -204,11 +209,13 @@ class _SystemProcess:
         """
         if self._process.returncode is not None:
             return self._process.returncode
+        # A closed connection tells the child that it is no longer needed.
         self._connection.close()
         until = time.monotonic() + (0.0 if at_once else _LEAVING)
         while not self._has_ended() and time.monotonic() < until:
             time.sleep(0.005)
         ended = self._has_ended()
+        # The whole group: a class may have started processes of its own.
         with suppress(OSError):
             if _IS_POSIX:
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -263,6 +270,7 @@ def _take(name: str) -> _SystemProcess:
     for place, (known, process) in enumerate(_idle):
         if known == key:
             del _idle[place]
+            # A process that imported other versions of the files would play old code.
             if process.is_usable and process.is_current:
                 return process
             process.end()
@@ -291,6 +299,7 @@ def _abandon() -> None:
 
 
 atexit.register(release)
+# A forked copy shares the sockets: its messages would mix with those of its parent.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_abandon)
 
@@ -335,6 +344,7 @@ class _Isolated:
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Begin a run."""
+        # The child reads each run anew: what stays has to be sent again.
         self._writer = ObservationWriter()
         self._request(RESET, {"ego": declared_json(ego), "timestep": timestep, "seed": seed})
 
@@ -345,6 +355,8 @@ class _Isolated:
         self._open = False
         has_failed = self._failed
         try:
+            # A process that has failed may still run: its class is closed, and what that says is
+            # dropped.
             if not has_failed or self._process.is_usable:
                 self._request(CLOSE, {})
         except SystemFailure:

@@ -98,8 +98,10 @@ def _watch(parent: int) -> None:
     if os.name == "posix":
 
         def look() -> None:
+            # An orphan has another parent.
             while os.getppid() == parent:
                 time.sleep(_WATCH)
+            # The closed connection mostly ends it first: this is for one that hangs.
             time.sleep(_WATCH)
             os.killpg(0, signal.SIGKILL)
 
@@ -136,6 +138,7 @@ class _SystemServer:
                 found = DONE + b"}"
             else:
                 found = json.dumps(self._actions[kind](json.loads(request[1:] or b"{}"))).encode()
+        # Errors before a run are the user's, in a run those of the system.
         except ToolchainError as error:
             if kind in (DESCRIBE, BUILD, BUILD_MANY):
                 found = (
@@ -149,6 +152,7 @@ class _SystemServer:
             if isinstance(error, MemoryError):
                 told += ": this takes more memory than there is, or than the process may have"
             found = self._failure(error, told)
+        # Two processes would answer over one socket.
         if os.getpid() != self._process:
             told = "a copy of its process, which it has forked, does not end: os._exit() ends one"
             found = self._failure(RuntimeError(told), told)
@@ -211,10 +215,12 @@ class _SystemServer:
 class _RoadsOnDemand(RoadNetwork):
     """The road network of a file, which is read when a system asks for something of it."""
 
+    # Without the fields of `RoadNetwork`: they come with the file.
     def __init__(self, path: str, file: str) -> None:
         self.__dict__.update(_where=(path, file))
 
     def __getattr__(self, name: str) -> Any:
+        # Copies and pickles ask for special methods: these must not read the file.
         if name.startswith("__"):
             raise AttributeError(name)
         path, file = self.__dict__["_where"]

@@ -41,6 +41,7 @@ class FrameConnection:
     ) -> None:
         self._connection, self.limit, self._peer, self._longest = connection, limit, peer, longest
         self._received = bytearray()
+        # Small frames to and fro: Nagle's algorithm would hold each of them back.
         if connection.family in (socket.AF_INET, getattr(socket, "AF_INET6", None)):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -51,6 +52,7 @@ class FrameConnection:
             PeerSilent: the peer does not read.
             PeerGone: it has closed the connection.
         """
+        # `sendall` counts the limit for the whole frame.
         self._connection.settimeout(self.limit)
         try:
             self._connection.sendall(LENGTH.pack(len(body)) + body)
@@ -76,6 +78,7 @@ class FrameConnection:
         received = self._received
         self._fill(LENGTH.size, end)
         (length,) = LENGTH.unpack_from(received)
+        # Before it is received: a wrong length must not fill the memory.
         if length > self._longest:
             raise ToolchainError(
                 f"{self._peer} sends a frame of {length} bytes, at most "
@@ -92,6 +95,7 @@ class FrameConnection:
         while len(self._received) < count:
             left = None if end is None else end - time.monotonic()
             try:
+                # A timeout of 0 would mean a socket that does not block.
                 if left is not None and left <= 0.0:
                     raise TimeoutError
                 self._connection.settimeout(left)

@@ -74,12 +74,15 @@ class ObservationWriter:
     def write(self, observation: Observation, dt: float) -> bytes:
         """The message of a step."""
         news: dict[str, Any] = {}
+        # Numbers have 16 bits: a run that brings in traffic may use them up.
         if len(self._known) > _MOST - len(observation.others) - 1:
             self._known.clear()
         moving = [self._participant(observation.ego, news)]
         moving += [self._participant(participant, news) for participant in observation.others]
         if observation.network is not self._network:
             self._network = observation.network
+            # The name as it was given for messages, and the absolute one: a class may change the
+            # folder.
             path = None if self._network is None else str(self._network.path)
             news["network"] = path and [path, os.path.abspath(path)]
         if observation.environment is not self._environment:
@@ -96,6 +99,7 @@ class ObservationWriter:
             if named != self._signals:
                 news["signals"] = self._signals = named
         told = json.dumps(news).encode() if news else b""
+        # NaN stands for none: answers and distances that count are finite.
         distance = math.nan if stop is None else stop.distance
         head = _HEAD.pack(
             STEP, observation.time, dt, observation.target_speed, distance, len(signals), len(told)
@@ -224,6 +228,7 @@ def write_answer(answer: Control | Pose) -> bytes:
     else:
         numbers = answer.acceleration, answer.steering, None, None
     doubles = [math.nan if value is None else value for value in numbers]
+    # Reasons may hold lone surrogates, as names of files do that are no UTF-8.
     told = answer.reason.encode("utf-8", "surrogatepass")
     return _ANSWER.pack(ANSWER, isinstance(answer, Pose), *doubles) + told
 
@@ -367,6 +372,7 @@ def _plain_objects(name: str, values: Any) -> list[Any]:
     known: dict[int, Any] = {}
     plain = []
     for value in values.ravel():
+        # By identity: columns hold few objects many times, and comparing them would take longer.
         if id(value) not in known:
             known[id(value)] = _json(name, value)
         plain.append(known[id(value)])
@@ -402,6 +408,7 @@ def write_answers(answers: Answers) -> bytes:
 
 def read_answers(body: bytes) -> Answers:
     """The answers of a message."""
+    # Two arrays of doubles and three of truths.
     n = (len(body) - 1) // (2 * 8 + 3)
     kinds = (float, bool, float, bool, bool)
     found, place = [], 1

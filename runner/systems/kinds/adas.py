@@ -100,6 +100,7 @@ def needed_deceleration(
     """`RadarTarget.needed` for a gap (m), a target's speed (m/s) and acceleration (m/s²)."""
     closing = speed - its_speed
     twice = 2.0 * greatest(gap - greatest(closing, 0.0) * delay, _LEAST_GAP)
+    # A target that speeds up is taken at its speed: its acceleration may end at any time.
     braking = greatest(-its_acceleration, 0.0)
     faster = choose(closing > 0.0, braking + closing * closing / twice, 0.0)
     # it stands before it is reached
@@ -182,6 +183,7 @@ class DriverAssistance:
 
     def __post_init__(self) -> None:
         fields = (self.far_range, self.far_angle), (self.near_range, self.near_angle)
+        # A negative range sees nothing: its sign survives the square.
         self._fields = [
             (reach * abs(reach), math.sin(math.radians(angle)), math.cos(math.radians(angle)))
             for reach, angle in fields
@@ -200,9 +202,11 @@ class DriverAssistance:
     def control(self, observation: Observation, dt: float) -> Control:
         """Acceleration with its reason while it follows or brakes, else nothing."""
         ego, time = observation.ego, observation.time
+        # The radar looks ahead: reversing stays with the scenario.
         if ego.speed < 0.0 or observation.target_speed < 0.0:
             return Control()
         self._pending.append((time, *self._decide(ego, observation)))
+        # Until a first decision is due, traffic calls for nothing.
         demand, is_full, reason = math.inf, False, ""
         while self._pending and self._pending[0][0] <= time - self.latency + _ROUNDING:
             _, demand, is_full, reason = self._pending.popleft()
@@ -211,6 +215,7 @@ class DriverAssistance:
         if self.lets_go(demand, scripted, before is None, before or 0.0):
             self._acceleration, self._follows = None, False
             return Control()
+        # From braking at most: the limit of jerk must not begin at an acceleration of the scenario.
         if before is None:
             before = least(ego.acceleration, 0.0)
         self._acceleration = after = self.limited(
@@ -221,6 +226,7 @@ class DriverAssistance:
     def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
         """Forget the last runs."""
         n = len(seeds)
+        # Decisions of the latency, and one at either end of it.
         self._delayed = _Delayed(n, math.ceil(self.latency / timestep) + 2)
         self._acts, self._accelerations = np.zeros(n, bool), np.zeros(n)
         self._threats = np.full(n, -1)
@@ -350,9 +356,11 @@ class DriverAssistance:
         idm = self.accelerate * (1.0 - free - near)
         its = least(lead.acceleration, self.accelerate)
         needed = needed_deceleration(lead.gap, lead.speed, its, v, 0.0)
+        # Constant-acceleration heuristic (Kesting et al.): what is needed if the lead goes on so.
         constant = choose((closing > 0.0) | (its < 0.0), -needed, its)
         mixed = constant + self.comfortable * tanh((idm - constant) / self.comfortable)
         mixed = (1.0 - self.coolness) * idm + self.coolness * mixed
+        # The heuristic only tempers the model's braking: where that is milder, the model counts.
         return choose(idm >= constant, idm, mixed)
 
     def lets_go(self, demand: Any, scripted: Any, is_free: Any, acceleration: Any) -> Any:
@@ -367,10 +375,13 @@ class DriverAssistance:
         slow_jerk = self.slow_jerk + share * (self.fast_jerk - self.slow_jerk)
         jerk = choose(is_full, self.jerk, slow_jerk)
         slow_brake = self.slow_brake + share * (self.fast_brake - self.slow_brake)
+        # ISO 15622 limits following: full braking has a deceleration and a jerk of its own.
         brake = choose(is_full, self.full, slow_brake)
         wanted = greatest(demand, -brake)
+        # Coming from full braking, following's limits are reached as fast as the brakes release.
         release = greatest(jerk, choose(before < -brake, self.jerk, 0.0))
         after = greatest(least(wanted, before + release * dt), before - jerk * dt)
+        # Brakes hold a standing ego: they do not reverse it.
         return choose((speed <= 0.0) & (after < 0.0), 0.0, after)
 
     # the radar -------------------------------------------------------------------------------
@@ -405,6 +416,7 @@ class DriverAssistance:
         c, s = facing
         ahead = x + ego.box.x
         along, across = other.vx * c + other.vy * s, other.vy * c - other.vx * s
+        # The predicted path is y = κx²/2 for small angles, with the direction κx.
         drift = across - curvature * ahead * along
         middle = y - curvature * ahead * ahead / 2.0
         half = (left - right + ego.box.width) / 2.0

@@ -95,6 +95,7 @@ class EmergencyBraking:
     def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
         ahead, found = encounters_arrays(observations)
+        # `initial`, since a run may have no other participants.
         time = np.where(ahead, self.threat(found), np.inf).min(axis=0, initial=np.inf)
         held = (ahead & self.holds(found, observations.ego.speed)).any(axis=0)
         stage = self.stage(time, held, self._stages[observations.run])
@@ -115,6 +116,7 @@ class EmergencyBraking:
     def stage(self, time: Any, held: Any, stage: Any) -> Any:
         """Return the next stage, for the time (s) to reach an object or for a near object, and the
         current stage."""
+        # Once begun, braking lasts while there is a threat: at the threshold alone it would pulse.
         braking = (time <= self.partial_time) | ((stage >= _PARTIAL) & (time < math.inf))
         full = braking & ((stage == _FULL) | (time <= self.full_time))
         holding = choose((stage != _FOLLOWS) & held, _HOLDS, _FOLLOWS)
@@ -125,6 +127,7 @@ class EmergencyBraking:
         return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
 
     def _in_way(self, found: AheadParticipant) -> Any:
+        # The time is bounded, since an infinite one without approach would give no number.
         left = found.aside - greatest(found.approach, 0.0) * least(
             found.time_to_collision, _FORESEEN
         )

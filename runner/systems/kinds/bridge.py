@@ -111,6 +111,7 @@ def _hear(
     connection: socket.socket, waiting: dict[socket.socket, bytes], token: str
 ) -> bool | None:
     """Whether a connection has sent the token; None while its frame is not complete."""
+    # No byte beyond the token's frame: the next frame belongs to the connection that follows.
     missing = LENGTH.size - len(waiting[connection])
     if missing <= 0:
         (length,) = LENGTH.unpack(waiting[connection][: LENGTH.size])
@@ -130,6 +131,7 @@ def _hear(
     if len(data) < LENGTH.size:
         return None
     (length,) = LENGTH.unpack(data[: LENGTH.size])
+    # Strangers get no memory before they have shown the token.
     if length > _LONGEST_HELLO:
         return False
     return None if len(data) < LENGTH.size + length else _knows(data[LENGTH.size :], token)
@@ -138,9 +140,11 @@ def _hear(
 def _knows(body: bytes, token: str) -> bool:
     try:
         said = json.loads(body)
+    # Deeply nested JSON ends in a RecursionError.
     except (ValueError, RecursionError):
         return False
     given = said.get("token") if isinstance(said, dict) else None
+    # In constant time: response times must not tell how much of a guess is right.
     return isinstance(given, str) and hmac.compare_digest(
         given.encode(errors="replace"), token.encode(errors="replace")
     )
@@ -206,6 +210,7 @@ class Bridge:
         self.close()
         self._truth = Truth() if self.osi else None
         self._client = accept(self.host, self.port, self.wait, self.answer, self._token)
+        # JSON has no infinity.
         limits = {
             name: value if math.isfinite(value) else None
             for name, value in ego.performance._asdict().items()
@@ -299,6 +304,7 @@ def _number(answer: dict[str, Any], name: str, shown: str, needed: bool = False)
     value = answer.get(name)
     if value is None and not needed:
         return None
+    # Booleans are integers in Python.
     if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
         expected = "a finite number" if needed else "a finite number or null"
         raise ToolchainError(

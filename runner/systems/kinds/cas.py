@@ -70,6 +70,7 @@ def unsafe_aside(is_left: Any, aside: Any, own: Any, its: Any, p: RssParameters)
         own, its: lateral speeds to the right, as RSS counts them, m/s.
     """
     left, right = choose(is_left, its, own), choose(is_left, own, its)
+    # ρ goes with ego and other one, whichever of them is to the left.
     response, other = p.response, p.response_other
     if response != other:
         response, other = choose(is_left, other, response), choose(is_left, response, other)
@@ -159,7 +160,9 @@ class CollisionAvoidance:
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
         ego = observation.ego
+        # A standing ego looks where the scenario is about to drive it.
         way = -1.0 if (ego.speed or observation.target_speed) < 0.0 else 1.0
+        # Circles about the boxes first: they exclude most participants.
         far = self.sensor_range + reach(ego.box)
         for other in observation.others:
             if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):
@@ -173,6 +176,7 @@ class CollisionAvoidance:
         ego, others = observations.ego, observations.others
         ahead_first = np.where(ego.speed != 0.0, ego.speed, observations.target_speed)
         way = np.where(ahead_first < 0.0, -1.0, 1.0)
+        # Circles about the boxes first: they exclude most participants.
         far = self.sensor_range + _reach(ego.box) + _reach(others.box)
         dx, dy = others.x - ego.x, others.y - ego.y
         near = others.present & (np.sqrt(dx * dx + dy * dy) <= far)
@@ -196,6 +200,7 @@ class CollisionAvoidance:
         its = way * (other.vx * c + other.vy * s), rightwards(other, c, s)
         found: BoolArray = (way * seen.x > 0.0) & unsafe_ahead(ahead, own[0], its[0], p)[0]
         found &= unsafe_aside(seen.y > 0.0, aside, own[1], its[1], p)[0]
+        # The range last, for the few pairs that are left: distances of boxes cost most.
         rows = np.flatnonzero(found)
         a, b = ego.at(rows), other.at(rows)
         gaps = np.hypot(box_distance(a, b), vertical_gap(a, b))

@@ -51,6 +51,7 @@ class Scripted:
 
     def control(self, observation: Observation, dt: float) -> Control | Pose:
         """Return the scripted answer for this time."""
+        # Simulation time is a sum of steps: a script's time may be missed by rounding.
         index = bisect_right(self.script, observation.time + 1e-9, key=lambda entry: entry[0])
         return self.script[index - 1][1] if index else Control()
 

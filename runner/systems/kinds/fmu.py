@@ -135,6 +135,7 @@ class Fmu:
         described = describe_fmu(Path(path))
         file = Path(mapping) if mapping else Path(path).with_suffix(".toml")
         found = _read(file, described) if mapping or file.exists() else VariableMapping()
+        # Sensor data need a model of a sensor: the runner has ground truth only.
         if described.has_binary(SENSOR_DATA) and not described.has_binary(VIEW):
             raise InvalidFile(
                 f"this FMU takes {SENSOR_DATA}; {VIEW} is what it can be given", path=path
@@ -158,6 +159,7 @@ class Fmu:
         self.close()
         self._instance = Instance(self._described)
         places = self._named()
+        # As many rows as the mapping names; a lead may be any of the nearest.
         numbers = [int(found[1]) + 1 for found in map(_OTHER.match, places) if found]
         self._view = (
             ObservationArrays(max([*numbers, _NEAREST * ("lead" in places)], default=0))
@@ -181,6 +183,7 @@ class Fmu:
         else:
             self._give(instance, observation, dt)
         end = observation.time + dt
+        # Since its last step, not dt: the scenario may have had the ego meanwhile.
         instance.step(self._time, end - self._time)
         self._time = end
         return self._answer(instance, observation, end)
@@ -196,6 +199,7 @@ class Fmu:
     def _begin(self, instance: Instance, observation: Observation, dt: float) -> None:
         """Initialise it with parameters and first inputs."""
         self._begun, self._time = True, observation.time
+        # FMI: parameters before initialisation mode, first inputs within it.
         for name, value in self._mapping.parameters:
             instance.set(name, value)
         instance.begin(observation.time)
@@ -280,6 +284,7 @@ class Fmu:
                 pose = pose_of_request(instance.get_binary(REQUEST), time, self.path)
             return pose or Control()
         values = {link.field: self._value(instance, link, time) for link in self._mapping.outputs}
+        # An FMU that is not active leaves both domains to the scenario.
         if not values.get("active", 1.0):
             return Control()
         if "x" in values:

@@ -67,6 +67,7 @@ class IntelligentDriver:
         line = stop_line(observation)
         if line is not None:
             ahead.append(line)
+        # The model drives forwards only: reversing stays with the scenario.
         if speed < 0.0 or target < 0.0 or not ahead:
             return Control()
         found = min(ahead, key=lambda one: one.gap)
@@ -88,6 +89,8 @@ class IntelligentDriver:
         dynamic = speed * self.headway + speed * found.closing / (
             2.0 * math.sqrt(self.accelerate * self.comfortable)
         )
+        # The floor of the gap lets contacts end in full braking, not in a division by 0.
         needed = (self.standstill + greatest(dynamic, 0.0)) / greatest(found.gap, 0.1)
+        # With a desired speed of 0 there is no free acceleration.
         free = ratio(speed, target, 1.0) ** 4
         return greatest(self.accelerate * (1.0 - free - needed * needed), -self.brake)

@@ -148,6 +148,7 @@ class ReferenceDriver:
             stops, deceleration = self.for_signal(line)
         danger, demand = dangers.any(axis=0), demands.max(axis=0, initial=0.0)
         waiting, braking = self.react(self._waiting[run], self._braking[run], demand, dt)
+        # Reaction time runs in danger only: single runs call `react` only then.
         self._waiting[run] = np.where(danger, waiting, self._waiting[run])
         self._braking[run] = np.where(danger, braking, self._braking[run])
         self._alarms[run] |= danger
@@ -179,6 +180,7 @@ class ReferenceDriver:
             before: deceleration of the step before, m/s².
             demand: deceleration that the danger calls for, m/s².
         """
+        # Remaining times are sums of steps, so that 0 is reached up to rounding only.
         late = waiting > ROUNDING
         return choose(late, waiting - dt, waiting), choose(
             late, self.release, least(before + self.jerk * dt, demand)
@@ -198,6 +200,7 @@ class CarefulCompetent(ReferenceDriver):
 
     reaction: float = 0.75
     release: float = 0.4
+    # UN R157, Annex 4, Appendix 3: lateral overlap, and a TTC below 2 s.
     critical: float = 2.0
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
@@ -220,6 +223,7 @@ class Regulation157(ReferenceDriver):
         lateral: lateral gap from which on a participant counts as cutting in, m.
     """
 
+    # UN R157, 5.2.5.2: 0.35 s and 6 m/s².
     reaction: float = 0.35
     brake: float = 6.0
     lateral: float = 0.5
@@ -305,6 +309,7 @@ class FuzzySafety(ReferenceDriver):
         )
 
     def _in_the_way(self, found: AheadParticipant) -> Any:
+        # Without closing it is never passed: nothing then enters before that.
         comes, passed = (
             ratio(found.aside, found.approach, math.inf),
             ratio(found.gap + found.length, found.closing, -math.inf),
@@ -324,6 +329,7 @@ class FuzzySafety(ReferenceDriver):
         acceleration = greatest(ego.acceleration, -self.comfortable)
         left = found.closing + acceleration * self.reaction
         within = (found.closing + 0.5 * acceleration * self.reaction) * self.reaction
+        # Speeds become equal within the reaction time: the ego's own braking then decides.
         stopping = ratio(found.closing**2, 2.0 * abs(ego.acceleration), math.inf)
         moving = _between(
             found.gap,

@@ -118,6 +118,7 @@ def _described(path: Path, version: Stamp) -> Description:
         )
     if model.coSimulation is None:
         raise Unsupported("this FMU is not for co-simulation", path=path)
+    # FMI 2 and 3 name the folders of binaries differently, as linux64 and x86_64-linux.
     folder = fmpy.platform if model.fmiVersion.startswith("2.") else fmpy.platform_tuple
     if not (
         content
@@ -139,11 +140,13 @@ def _described(path: Path, version: Stamp) -> Description:
 
 def _unpacked(path: Path, data: bytes, fmpy: Any) -> Path:
     """Folder of the cache with the content of an FMU; processes may do this at once."""
+    # By content: a changed file of the same name is unpacked anew.
     target = cache_folder() / "fmu" / hashlib.blake2b(data, digest_size=20).hexdigest()
     if target.is_dir():
         return target
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        # Complete or not at all: another process must not see a part of it.
         scratch = tempfile.mkdtemp(dir=target.parent)
         try:
             fmpy.extract(BytesIO(data), scratch)
@@ -218,11 +221,13 @@ class Instance:
         """Do a step; time and length in s."""
         self._time = time
         ended = self._call("doStep", time, length)
+        # FMI 3 answers `terminateSimulation` in second place.
         if ended is not None and ended[1]:
             raise self._failed("it asks to end the simulation")
 
     def close(self) -> None:
         """Free the instance and its library."""
+        # FMI: after an error an instance may only be freed, after a fatal one not even that.
         if self._status < _DISCARD:
             with suppress(ToolchainError):
                 self._call("terminate")
@@ -259,6 +264,7 @@ class Instance:
         lo, hi, size = (
             int(self.get(f"{prefix}.{role}")) for role in ("base.lo", "base.hi", "size")
         )
+        # OSMP passes an address in FMI 2 as two integers of 32 bits, which are signed.
         address = (hi & 0xFFFFFFFF) << 32 | lo & 0xFFFFFFFF
         if size < 0:
             raise self._failed(f"{prefix}.size is {size}")

@@ -114,8 +114,10 @@ class ObservationArrays:
 
     def _seat(self, network: RoadNetwork, each: Participant) -> _Seat:
         point = network.locate(each.x, each.y, each.z, each.h, self._hints.get(each.name))
+        # The next search begins at the last place: most steps stay on the same road.
         self._hints[each.name] = point
         heading = wrap(each.h - lane_heading(network.roads[point.road_id], point))
+        # Angles are those to the nearer direction of the lane, whichever way it is driven.
         side = 1.0 if abs(heading) <= math.pi / 2 else -1.0
         return _Seat(point, heading if side > 0.0 else wrap(heading + math.pi), side)
 
@@ -141,6 +143,7 @@ class ObservationArrays:
     ) -> tuple[float, ...] | None:
         """`ahead`, `left`, `lanes` and `speed` in lane coordinates of the ego; None where no way
         leads there."""
+        # Lane coordinates need roads under both.
         if network is None or seat is None:
             return None
         theirs = self._seat(network, other)

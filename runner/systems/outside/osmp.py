@@ -58,6 +58,7 @@ class Truth:
         return message
 
     def _id(self, one: Participant) -> int:
+        # Ids are unique in a GroundTruth: participants are numbered after lanes and boundaries.
         return self._ids.setdefault(
             one.name, (self._lanes.next_id if self._lanes else 0) + len(self._ids)
         )
@@ -78,6 +79,7 @@ class Truth:
         if network is None or self._lanes is None:
             return None
         point = network.locate(one.x, one.y, one.z, one.h, self._hints.get(one.name))
+        # A hint keeps the search near: after a jump the whole network is looked at.
         if not network.on_road(point):
             point = network.locate(one.x, one.y, one.z, one.h)
         self._hints[one.name] = point
@@ -98,6 +100,7 @@ class Truth:
         return [
             *(one.x + x, one.y + y, one.z + z),
             *_angles(one),
+            # The box's middle turns about the reference point: ω × r is added to its velocity.
             *(one.vx - rates[0] * y, one.vy + rates[0] * x, 0.0),
             *(one.ax, one.ay, 0.0),
             *rates,
@@ -149,6 +152,7 @@ class SensorViews:
         """Return the SensorView of an instant."""
         roads, truth = self._static(observation), self._truth.of(observation)
         view = optional("osi3.osi_sensorview_pb2").SensorView()
+        # Roads are encoded once: they stay the same in all messages.
         if not (self._initialised or self._encoded):
             view.global_ground_truth.CopyFrom(roads)
             self._encoded = view.SerializeToString(deterministic=True)
@@ -231,12 +235,14 @@ def _on_trajectory(points: Any, time: float, path: str) -> Pose:
     )
     before = max(after - 1, 0)
     length = times[after] - times[before]
+    # A single point, or two at one time, have no length to divide by.
     share = min(max((time - times[before]) / length, 0.0), 1.0) if length > 0.0 else 1.0
     one, two = points[before], points[after]
     x, y = (
         getattr(one.position, a) + share * (getattr(two.position, a) - getattr(one.position, a))
         for a in "xy"
     )
+    # By the shorter turn, over ±π as well.
     return Pose(x, y, one.orientation.yaw + share * wrap(two.orientation.yaw - one.orientation.yaw))
 
 

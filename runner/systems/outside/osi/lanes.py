@@ -163,6 +163,8 @@ class Lanes:
                 lane.free_lane_boundary_id,
                 (self._border_ids[border] for border in self._borders(lanelet)),
             )
+            # Ways of a junction lead between lanes outside of it: each counts once, where it
+            # enters.
             outside = [key for key in lanelet.predecessors if not self._is_inside(key)]
             if outside:
                 _add_pairs(lane, self._present(outside), self._present(self._exits(lanelet.key)))
@@ -217,6 +219,7 @@ def _fill_boundary(
     kind = _LINES.get(mark, "OTHER")
     painted = kind not in _UNPAINTED
     boundary.classification.type = boundary.classification.Type.Value(f"TYPE_{kind}")
+    # OpenDRIVE's colour `standard` is white.
     said = {"standard": "WHITE"}.get(color, color.upper()) if color in _COLORS else "OTHER"
     boundary.classification.color = boundary.classification.Color.Value(
         f"COLOR_{said if painted else 'NONE'}"

@@ -107,6 +107,7 @@ def fill_type(each: Any, one: ObjectKind, osi: Osi, role: str = "") -> None:
 def fill_frame(message: Any, network: RoadNetwork) -> None:
     """Fill the map of a GroundTruth, its projection, and the offset of the world frame in it."""
     message.map_reference, message.proj_string = network.path.name, network.geo_reference or ""
+    # Without a projection an offset has nothing that it is an offset from.
     if network.geo_reference is not None:
         offset, (x, y, z, heading) = message.proj_frame_offset, network.header.offset
         offset.position.x, offset.position.y, offset.position.z, offset.yaw = x, y, z, heading
