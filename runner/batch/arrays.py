@@ -106,6 +106,7 @@ def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[Compil
     for number, values in enumerate(sets):
         key = tuple((name, text) for name, text in values.items() if name not in doubles)
         left.setdefault(key, []).append(number)
+    # Numbers that are no doubles, as counts and texts, may choose elements: one structure each.
     pending = [(dict(key), np.array(members)) for key, members in left.items()]
     fault: ToolchainError | None = None
     compiled = False
@@ -147,6 +148,7 @@ def _compiled(
     constant: dict[str, Any] = dict(fixed)
     for name in sets[0].keys() - fixed.keys():
         column = np.array([float(assignment[name]) for assignment in sets])
+        # A constant stays a number: elements that take no column can be compiled with it.
         if (column == column[0]).all():
             constant[name] = sets[0][name]
         else:
@@ -166,6 +168,7 @@ def _compiled(
             )
             resolved = replace(resolved, remarks=(*resolved.remarks, *assumed))
             scenario = compile_scenario(resolved, network, strict=settings.strict)
+            # Criteria watch single runs: their findings have no arrays.
             if criteria := declared(resolved.node.need("Storyboard")):
                 raise NotInArrays(f"{criteria[0].name}: criteria are judged in single runs only")
         except NotInArrays:
@@ -173,6 +176,7 @@ def _compiled(
         except ToolchainError as error:
             return error, columns.alike
         except TypeError as error:  # a function of single numbers was given a column
+            # Constant numbers only: then the error is a defect of ours.
             if not values:
                 raise
             raise NotInArrays(f"a number that varies is used as a single one: {error}") from error
@@ -196,6 +200,7 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
                     continue
                 run.play()
                 outcomes = judge.outcomes(run)
+                # Instants of all participants: what was loaded one by one is measured against them.
                 moves = outcomes.steps.sum() * len(outcomes.names)
                 if (
                     run.loaded.count > _RUN_BY_RUN * moves
@@ -223,6 +228,7 @@ def play(
         NotInArrays: an element, the system under test or a setting plays in single runs only.
     """
     count = len(structure.members)
+    # In blocks: the state of all sets of a large space would fill the memory.
     for start in range(0, count, BLOCK):
         chosen = slice(start, start + BLOCK)
         with _run(structure, structure.places[chosen], settings, measuring, keeps) as (run, judge):
@@ -269,6 +275,7 @@ class Together:
             chunks = _chunks(self._jobs)
             while group := [*islice(chunks, self._processes)]:
                 yield from self._settle(group)
+            # The nearest misses of all are known at the end only: as jobs they are recorded.
             yield from (outcome.job for _, _, outcome in sorted(self._near, key=lambda e: e[1]))
         finally:
             if self._writer is not None:
@@ -296,6 +303,7 @@ class Together:
             for chunk in chunks
         ]
         tasks: list[Any] = [*compress(chunks, asked)]
+        # An instance of a system can't be handed to other processes.
         alone = len(tasks) < 2 or not isinstance(self._settings.sut, str | None)
         workers = Workers(1 if alone else self._processes)
         with results(partial(_measured, self._settings), tasks, workers) as found:
@@ -313,6 +321,7 @@ class Together:
         path = jobs[0].scenario
         if answer.single and path not in self._single:
             self._single.add(path)
+            # Faults of a file are told by its runs: only elements without arrays are told here.
             if answer.reason:
                 self._tell(f"{path}: not in arrays: {answer.reason}")
         rows = []
@@ -342,6 +351,7 @@ class Together:
         if self._out is None or distance is None:
             yield outcome
             return
+        # By the number of passes, since outcomes of equal distance have no order.
         heappush(self._near, (-distance, self._passed, outcome))
         if len(self._near) > NEAREST:
             yield heappop(self._near)[2]
@@ -378,6 +388,7 @@ def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
     settings = settings if seed is None else replace(settings, seed=seed)
     known: dict[int, dict[str, Any]] = {}
     try:
+        # A limit ends a process: here it would end those of all sets.
         if current().bounded:
             raise NotInArrays("runs with limits of memory or time are in processes of their own")
         for structure in structures(path, [job.parameters for job in jobs], settings):
@@ -429,6 +440,7 @@ def _measures(outcomes: ArrayOutcomes, measured: RunMeasures, at: int) -> dict[s
     }
     if measures["outcome"] == OPEN:
         return measures
+    # Tables have null, not infinity, where a measure has no value.
     least, ttc = float(measured.min_distance[at]), float(measured.min_ttc[at])
     measures["min_ttc"] = ttc if ttc < math.inf else None
     measures["max_drac"] = float(measured.max_drac[at]) or None
@@ -449,6 +461,7 @@ def _run(
     scenario = structure.scenario
     least = least_values(settings.least)
     reserve = least.pop("reserve", 1.0)
+    # Limits need measures, evidence and logs of single runs; `reserve` alone is counted here.
     if settings.fail_if or least:
         raise NotInArrays("limits of verdicts are judged in single runs only")
     ego = find_ego(scenario, settings.ego)
@@ -470,6 +483,7 @@ def _run(
             settings.seed,
             ego.name,
             driver,
+            # Steps as in `Session`: the slack keeps the last one of a limit that is a multiple.
             int(settings.max_time / settings.timestep + 1e-6),
             after if settings.ends_after_collision else None,
             judge,

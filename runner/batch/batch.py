@@ -58,11 +58,13 @@ def execute(
     Raises:
         OSError: there is no space, or no right to write.
     """
+    # Before the run: a file that changes meanwhile must not pass for what was run.
     given = inputs.of_job(job, settings, shared) if shared else ""
     content = inputs.content_of(job, settings) if shared else ""
     try:
         found = _run(job, settings, out, plot, also, contacts)
         return replace(found, inputs=given, content=content)
+    # A full disk is the batch's error, not that of the run.
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
@@ -80,6 +82,7 @@ def _run(
 ) -> Outcome:
     from runner.judging.execution import run
 
+    # A repeated run has a seed of its own, all others that of the batch.
     own = settings if job.seed is None else replace(settings, seed=job.seed)
     remarks = assumed(job, own.strict)
     with limited():
@@ -138,6 +141,7 @@ def run_batch(
     how: dict[str, Any] = {
         "settings": settings, "out": out, "plot": plot, "also": also, "contacts": contacts,
     }  # fmt: skip
+    # Without a folder nothing is kept that could be resumed.
     if out is None:
         with closing(_outcomes(iter(jobs), partial(execute, **how), processes, ray)) as outcomes:
             yield from outcomes
@@ -151,6 +155,7 @@ def run_batch(
             out, settings.as_json(), resume, given, _sources(jobs), tell, needed, named
         )
         believed = partial(_believed, out=out, settings=settings, sealed=kept.sealed, tell=tell)
+        # Lazily: jobs of a large space are never all in memory.
         known = (
             job if isinstance(job, Outcome) else _finished(job, kept.done, believed) or job
             for job in jobs
@@ -207,8 +212,10 @@ def _concluded(
         yield
     finally:
         journal.clear_drafts(out)
+        # Writing the table would make a deleted folder anew, with a table of nothing.
         if not out.is_dir():
             raise FileNotFoundError(errno.ENOENT, "the folder is gone")
+        # Files that gave no job are errors without an entry: they have rows all the same.
         write_runs((errors | kept.close()).values(), out / "runs.parquet")
         write_work(ended.rows(), out)
 
@@ -248,6 +255,7 @@ def each(
     else:
         for job in jobs:
             outcome = job if isinstance(job, Outcome) else work(job)
+            # Known outcomes pass through: only work that was done is entered.
             if done is not None and outcome is not job:
                 done(outcome)
             yield outcome
@@ -257,6 +265,7 @@ def _finished(
     job: Job, done: dict[str, Outcome], believed: Callable[[Outcome], bool]
 ) -> Outcome | None:
     outcome = done.get(job.name)
+    # A name with other values would mix results of two batches.
     if outcome is not None and outcome.job != job:
         raise UsageError(
             f"{job.name} was run from another file or with other parameters; resume with the same"
@@ -283,6 +292,7 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
     if signal_number is not None:
         with suppress(ValueError):
             how = f" by {signal.Signals(signal_number).name}"
+    # SIGKILL comes from the kernel when memory runs out, or from a user.
     killed = signal_number == getattr(signal, "SIGKILL", None)
     why = (
         "as a system does that runs out of memory"
@@ -330,6 +340,7 @@ def counterparts_of(now: Iterable[str | Path], before: Iterable[str | Path]) -> 
         [os.path.abspath(file) for file in dict.fromkeys(files)] for files in (now, before)
     )
     counterparts = {path: path for path in own if path in set(earlier)}
+    # First the surer key: a file's place below its batch's folder before its bare name.
     for key in (_below(own) | _below(earlier)).get, lambda path: Path(path).stem:
         taken = set(counterparts.values())
         left = _unique([path for path in earlier if path not in taken], key)
@@ -398,6 +409,7 @@ class BatchComparison:
         earlier = [
             outcome
             for outcome in journal.finished(folder).outcomes.values()
+            # Without the seal an edited journal could call a new failure a known one.
             if key is None or journal.is_sealed(outcome, key)
         ]
         runs = {
@@ -411,6 +423,7 @@ class BatchComparison:
         """Take a run of the batch in."""
         failed, fails = self.failed(outcome), outcome.state in _FAILS
         if failed or fails:
+            # A failure after an error is new: the error had hidden the verdict.
             new = fails and not self.known(outcome)
             (self.new if new else self.still if fails else self.fixed).append(outcome)
 
@@ -472,6 +485,7 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
     return list(found)
 
 
+# Folders hold catalogues beside scenarios: by name nothing tells them apart.
 def _is_catalog(path: Path) -> bool:
     import xosc
 

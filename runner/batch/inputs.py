@@ -68,6 +68,7 @@ def content_of(job: Job, run: RunSettings) -> str:
 def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:
     """Digests of the scenario and the files that it refers to, and their faults."""
     try:
+        # A missing file decides, too: the run is repeated once it is there.
         paths, lack = _referred_by(job.scenario, run, job.parameters)
     except ToolchainError as error:
         paths, lack = (), error
@@ -112,6 +113,7 @@ def _system(run: RunSettings) -> list[Any]:
     """Name of the system under test, parameters of one that is given as such, its code, and files
     that parameters name."""
     given = split(run.sut)[1].values() if isinstance(run.sut, str) else ()
+    # Parameters may name files, as that of an FMU or of a model's weights.
     files = [fingerprint(path.read_bytes()) for path in map(Path, given) if os.path.isfile(path)]
     parameters = {} if isinstance(run.sut, str | None) else parameters_of(run.sut)
     return [system_name(run.sut), parameters, plugged_in(run), files]
@@ -159,6 +161,7 @@ _Referred = tuple[tuple[Path, ...], ToolchainError | None]
 
 def _referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> _Referred:
     root = xosc.load(scenario, strict=run.strict).node.element
+    # Paths that are constant do not need the values: one entry serves all sets.
     varies = any(
         "$" in element.get(attribute, "")
         for name, attribute in _PATHS.items()
@@ -167,6 +170,7 @@ def _referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> 
     values = tuple(sorted(given.items())) if varies else ()
     asked = scenario, stamp(scenario), run.strict, run.road_path, run.catalog_path, values
     found, lack = _referred(*asked)
+    # The stamp is the scenario's: files that it refers to may have come or gone.
     if lack is None and all(map(os.path.isfile, found)):
         return found, None
     return _referred.__wrapped__(*asked)  # a file was removed or added since
@@ -202,6 +206,7 @@ def _referred(
 def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
     """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues
     are worked out."""
+    # `xosc.load` shares documents: the one here must stay as it is.
     root = Node(copy.deepcopy(root.element), root.path)
     holder = root.find("ParameterDeclarations")
     assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
@@ -224,6 +229,7 @@ def plugged_in(run: RunSettings) -> str:
     ):
         own = [*_files(origin.origin, origin.folders)]
         return _digest_of([*own, *(Path(file) for file in origin.imports)])
+    # Systems of ours name the files that decide; of a plug-in the whole package counts.
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)
     package = str(getattr(factory, "__module__", "")).partition(".")[0]
@@ -250,6 +256,7 @@ def _content(package: str) -> str:
 
 
 def _digest_of(files: Iterable[Path]) -> str:
+    # Names too: two files that exchange their contents are another program.
     return fingerprint(b"\0".join(str(path.name).encode() + path.read_bytes() for path in files))
 
 

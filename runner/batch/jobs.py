@@ -122,6 +122,7 @@ def is_sound(outcome: Outcome) -> bool:
     Raises:
         TypeError, KeyError, AttributeError, ValueError: it has not even their structure.
     """
+    # Wrong types here would end as internal errors in tables and pages.
     job, impact = outcome.job, outcome.impact
     texts = [outcome.message, outcome.status, outcome.inputs, outcome.content, outcome.seal]
     texts += [job.label, *outcome.remarks, *outcome.causes]
@@ -144,6 +145,7 @@ def is_sound(outcome: Outcome) -> bool:
     typed = all(isinstance(text, str) for text in texts)
     typed &= all(isinstance(number, int | float | None) for number in numbers)
     is_error = outcome.state == "error"
+    # A state and a code that contradict each other come from an edited file.
     return typed and (
         outcome.exit_code in _OF_ERRORS
         if is_error
@@ -210,6 +212,7 @@ class Jobs:
         for name, path in self._files:
             try:
                 yield from self._of(path, name)
+            # The next files go on: one that can't be read is an outcome in its place.
             except Exception as error:  # a defect of ours is an outcome too, the other files go on
                 if isinstance(error, UsageError) and error.path is None:
                     error.path = str(path)
@@ -222,6 +225,7 @@ class Jobs:
 
     def is_named(self, job: Job) -> bool:
         """Whether a job has the name that this batch gives runs of its file."""
+        # Names are those of this batch's files: `~` leads on to sets and seeds.
         names = [name for name, path in self._files if path == job.source]
         return any(job.name == name or job.name.startswith(f"{name}~") for name in names)
 
@@ -252,11 +256,13 @@ class Jobs:
         """The jobs of a file, with names that begin with its own."""
         with limited():
             space = self._space(path)
+        # Before any set is made: a space may have more sets than a policy allows.
         current().admit_runs(self._selection.count(space) * len(self._seeds), path)
         varying = space.varying
         for index, values in self._selection.sets(
             space, self._enforce, partial(self.left_out.__setitem__, path)
         ):
+            # A value given by the user would have no effect, and pass in silence.
             for parameter in self._parameters.keys() & values.keys():
                 raise UsageError(
                     f"the parameter {parameter!r} can't be given, this file sets it", path=path
@@ -273,6 +279,7 @@ class Jobs:
                     seed,
                     f"{one} {told}".rstrip(),
                 )
+        # A space holds its file's document: many files would fill the memory.
         self._spaces.pop(path, None)
 
 
@@ -296,6 +303,7 @@ def assumed(job: Job, strict: bool) -> Sequence[Remark]:
 def names_of(paths: Sequence[Path]) -> list[str]:
     """A name for each file: unique, safe as a folder's name, and with the folders that tell files
     of one name apart."""
+    # Long names are cut: file systems allow 255 bytes, and sets and seeds follow.
     files = {path.absolute(): _folder_name(path.stem)[:_LONGEST] for path in paths}
     for depth in range(1, max((len(path.parts) for path in files), default=0)):
         alike = {
@@ -327,6 +335,7 @@ def _qualified(path: Path, depth: int) -> str:
 def _folder_name(text: str) -> str:
     """A name that is safe everywhere as a folder's name, and is none of the batch's own files,
     which have dots."""
+    # No dots: `..`, hidden folders and files of the batch can't be named.
     return "".join(c if c.isalnum() or c in "-_+=" else "_" for c in text)
 
 

@@ -73,18 +73,21 @@ def seal_key() -> bytes | None:
     key = os.environ.get(SEAL_KEY, "").strip()
     if key and len(key) < _SHORTEST_KEY:
         raise UsageError(f"{SEAL_KEY} is too short: a key has {_SHORTEST_KEY} characters or more")
+    # Environments may hold bytes that are no UTF-8.
     return key.encode("utf-8", "surrogateescape") or None
 
 
 def sealed(outcome: Outcome, key: bytes) -> Outcome:
     """The outcome with its seal."""
     entry = {name: value for name, value in _entry(outcome).items() if name != "seal"}
+    # Sorted keys: the seal must not depend on the order of fields.
     content = json.dumps(entry, sort_keys=True, allow_nan=False).encode()
     return replace(outcome, seal=hmac.new(key, content, hashlib.sha256).hexdigest())
 
 
 def is_sealed(outcome: Outcome, key: bytes) -> bool:
     """Whether an outcome has the seal of a key."""
+    # In constant time: response times must not tell how much of a seal is right.
     return hmac.compare_digest(str(outcome.seal).encode(), sealed(outcome, key).seal.encode())
 
 
@@ -139,6 +142,7 @@ class Journal:
             return
         self._taken.add(outcome.job.name)
         self._waiting.append(outcome if self._key is None else sealed(outcome, self._key))
+        # The first run at once, further ones in groups: an interruption loses a second at most.
         if time.monotonic() - self._flushed >= _GROUP:
             self.flush()
 
@@ -211,6 +215,7 @@ def begin(
             raise UsageError("the settings of the batch to go on with are missing", path=manifest)
         check_settings(manifest, settings, "a batch")
         before = finished(out)
+        # Before anything is removed: a wrong folder stays as it is.
         _refuse_others(out, before.outcomes.values(), sources)
         faults = {
             name: fault
@@ -265,6 +270,7 @@ def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Seq
     key = seal_key()
     if current().untrusted and key is None:
         return f"that --untrusted does not believe without {SEAL_KEY}"
+    # What a lack of memory ended may pass at the next try.
     if outcome.status in FLEETING:
         return f"ended by {FLEETING[outcome.status]}"
     if outcome.inputs != inputs(outcome.job):
@@ -330,10 +336,12 @@ def discard(out: Path) -> None:
     with alone(out, "a batch"), writing("the earlier batch", out):
         clear_drafts(out)
         names = {
+            # A link could lead out of the folder: its target is none of the batch's.
             folder.name
             for folder in out.iterdir()
             if (folder / RESULT).is_file() and not folder.is_symlink()
         }
+        # Both are needed: a folder with a result, and an entry in the journal.
         for name in names & finished(out).outcomes.keys():
             shutil.rmtree(out / name)
         # The journal last: until then it is the batch's.
@@ -370,6 +378,7 @@ def _outcome(entry: dict[str, Any]) -> Outcome | None:
     """The outcome of an entry; None where it is one of another version."""
     try:
         job = entry.pop("job")
+        # An edited name could lead outside of the folder, also for `--overwrite`.
         if not is_folder_name(job["name"]):
             return None
         restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
@@ -416,6 +425,7 @@ def repeated_by(path: Path) -> str:
         elif name in usual and (value != usual[name] or name == "sut"):
             for text in value if isinstance(value, list) else [value]:
                 words += [option, str(text)]
+    # A set of a distribution is chosen by its number, which the name has.
     if len(jobs) == 1 and jobs[0].source != jobs[0].scenario and "~" in jobs[0].name:
         words += ["--only", str(int(jobs[0].name.split("~")[1]))]
     elif len(sources) == 1 and all(job.source == job.scenario for job in jobs):

@@ -86,6 +86,7 @@ class Pool:
         waiting: deque[_Pending] = deque()
         try:
             while True:
+                # Only as many as are waited for are taken: `jobs` may have no end.
                 for job in itertools.islice(jobs, self._processes * _AHEAD - len(waiting)):
                     waiting.append(job if isinstance(job, Outcome) else (job, self._submit(job)))
                 if not waiting:
@@ -109,6 +110,7 @@ class Pool:
         faults: list[BaseException] = []
         for future in wait(places, return_when=FIRST_COMPLETED).done:
             fault = future.exception()
+            # Outcomes first: those that are there count, whatever has failed beside them.
             if fault is None:
                 waiting[places[future]] = self._ended(future.result())
             else:
@@ -133,6 +135,7 @@ class Pool:
         """
         if not futures:
             return
+        # The pool stays usable: another `execute` may follow.
         ended, self._pool = self._pool, executor(self._processes)
         dismiss(ended)
         with suppress(OSError):  # which is what it ends for
@@ -144,6 +147,8 @@ class Pool:
         try:
             return self._pool.submit(self._work, job)
         except BrokenProcessPool as error:
+            # A pool that broke between two jobs fails as its running jobs do: `_recover` is for
+            # all.
             broken: Future[Outcome] = Future()
             broken.set_exception(error)
             return broken
@@ -166,6 +171,7 @@ class Pool:
             suspects -= 1
 
     def _alone(self, job: Job) -> Outcome:
+        # A process of its own shows how it ends: a shared pool names no culprit.
         with executor(1) as pool:
             try:
                 future = pool.submit(self._work, job)
@@ -226,6 +232,7 @@ def _on_ray(
 ) -> Generator[Result, None, None]:
     ray, ours = connect(address, jobs)
     try:
+        # One processor each: the cluster decides how many run at a time.
         remote = ray.remote(num_cpus=1)(_work)
         # All are submitted before the first result is waited for; results come in the order of
         # tasks, so that outputs have the same bytes for any number of workers.
@@ -240,11 +247,13 @@ def _on_ray(
 
 def dismiss(pool: ProcessPoolExecutor) -> None:
     """End processes, with a few seconds for jobs that are in work; the others are cancelled."""
+    # Before the shutdown, which forgets them.
     workers = [*(pool._processes or {}).values()]
     ended = threading.Event()
 
     def terminate() -> None:
         for end in (BaseProcess.terminate, BaseProcess.kill):  # one that begins may miss the first
+            # Running jobs may end by themselves; a hanging one must not hold the command.
             if ended.wait(_ENDING):
                 return
             for worker in workers:
@@ -339,7 +348,9 @@ class RayPool:
         self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(
             name="xosc-run"
         )
+        # Put once: as an argument the settings would go with every task.
         self._shared = self._ray.put(work)
+        # Two for each processor: the next one waits there while a result travels.
         self._most = _AHEAD_ON_CLUSTER * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def __enter__(self) -> RayPool:
@@ -430,6 +441,7 @@ def connect(address: str, processes: int) -> tuple[Any, bool]:
         {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
     )
     try:
+        # Before Ray, which tries for minutes.
         _reach(address)
         with chdir(sys.prefix):  # Ray lets its workers import from the folder that it is started in
             ray.init(

@@ -58,6 +58,7 @@ def write_run(result: RunResult, folder: Path, plot: bool = False) -> dict[str, 
     Raises:
         UsageError: something else is in the way.
     """
+    # Beside its place, so that the rename stays on one file system and is one step.
     draft = folder.parent / f"{DRAFT}{secrets.token_hex(4)}"
     draft.mkdir()
     try:
@@ -73,6 +74,7 @@ def write_run(result: RunResult, folder: Path, plot: bool = False) -> dict[str, 
             write_picture(result, draft / PICTURE)
         _replace(folder, draft)
     finally:
+        # After the rename there is none: only what was interrupted is removed.
         shutil.rmtree(draft, ignore_errors=True)
     return values["criticality"] or {}
 
@@ -83,6 +85,7 @@ def _replace(folder: Path, draft: Path) -> None:
     """
     if folder.is_symlink() or folder.exists():
         is_run = folder.is_dir() and not folder.is_symlink()
+        # Only what a run wrote is removed: a folder of the user's may have the same name.
         if not is_run or not (
             (folder / RESULT).is_file() or {path.name for path in folder.iterdir()} <= RUN_FILES
         ):
@@ -212,6 +215,7 @@ def _verdict(values: Mapping[str, Any]) -> Verdict:
         Cause(str(cause["name"]), str(cause["text"])) for cause in values.get("causes", ())
     )
     verdict = Verdict(failures, causes, _criteria(values), _evidence(values))
+    # Results may be edited: a pass has to follow from reasons and evidence.
     if verdict.outcome != values["verdict"] and "evidence" in values:
         raise ValueError(f"the verdict {values['verdict']!r} does not follow from its reasons")
     return verdict
@@ -257,6 +261,7 @@ def _number(
     values: Mapping[str, Any], name: str, least: float = -_GREATEST, most: float = _GREATEST
 ) -> float:
     value = values[name]
+    # Booleans are numbers in Python.
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise ValueError(f"{name} is {value!r}")
     return float(value)
@@ -304,6 +309,7 @@ def _tracks(path: Path, setup: Setup) -> list[Track]:
     import numpy as np
 
     table = _table(path)
+    # Rows by entity in one pass: a filter for each would read the table again and again.
     encoded = table["entity"].combine_chunks().dictionary_encode()
     names, codes = encoded.dictionary.to_pylist(), encoded.indices.to_numpy()
     absent = set(names) - setup.entities.keys()
@@ -343,6 +349,7 @@ def _table(path: Path) -> pa.Table:
     import pyarrow as pa
 
     current().admit(path)
+    # Named columns alone, in their types: a file may hold any others.
     schema = pa.schema({name: arrow_type(name) for name in ("entity", *COLUMNS)})
     try:
         return read_parquet(path, schema.names).select(schema.names).cast(schema)
@@ -357,6 +364,7 @@ def _columns(table: pa.Table, rows: np.ndarray, path: Path) -> dict[str, np.ndar
     mine = table.take(rows)
     columns = {name: mine[name].to_numpy(zero_copy_only=False).copy() for name in COLUMNS}
     for name, values in columns.items():
+        # NaN fails the comparison, too.
         if name != "road_id" and not (np.abs(values) <= _GREATEST).all():
             raise InvalidFile(f"the column {name} has values that no run has", path=path)
     if (np.diff(columns["time"]) <= 0.0).any():

@@ -49,6 +49,7 @@ def outcome_of(
         contacts: describe the first contact of a failed run.
     """
     verdict = result.verdict
+    # A line each: names from files may hold line breaks.
     message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
     doubts = dict.fromkeys((*result.remarks, *(cause.text for cause in verdict.causes)))
     told = [
@@ -90,6 +91,7 @@ def contradiction(stored: Outcome, folder: Path, settings: RunSettings) -> str:
         return "without results"
     try:
         result = load_run(folder)
+        # Both as JSON has them: infinite numbers are null there.
         derived, said = report.finite(report.summary(result)), read_object(folder / RESULT)
     except InvalidFile:
         return "with results that can't be read"
@@ -100,6 +102,7 @@ def contradiction(stored: Outcome, folder: Path, settings: RunSettings) -> str:
         return "with an entry that does not follow from the results"
     if derived != said or not _is_of(result, stored.job, own) or not _is_judged(result, own):
         return "with a verdict that does not follow from the trajectories"
+    # A failure is believed: an edited entry would rather claim a pass.
     if not result.verdict.failures and any(elements(xosc.load(stored.job.scenario).node)):
         return "with criteria, which trajectories do not decide (XOSC_SEAL_KEY seals them)"
     return ""
@@ -120,6 +123,7 @@ def _is_judged(result: RunResult, settings: RunSettings) -> bool:
     """Whether the contacts of the ego, the limits and the times of a result are those of its
     trajectories."""
     verdict = result.verdict
+    # Hiding a contact is what an edited result is for: it is looked for anew.
     if not verdict.failures and _is_contact(result):
         return False
     if not set(exceeded(result, settings.limits)) <= set(verdict.failures):
@@ -128,12 +132,14 @@ def _is_judged(result: RunResult, settings: RunSettings) -> bool:
     least = settings.least_values
     if not evidence.keys() <= ROWS.keys():
         return False
+    # A lower least value would turn a lack into a pass.
     if any(row.least != least.get(name, ROWS[name].least) for name, row in evidence.items()):
         return False
     times = {"seconds": result.end_time}
     if result.ego is None and "ego_seconds" in evidence:
         return False
     if result.ego in result.recording.tracks:
+        # As `Observed.ego_seconds` counts: n rows are n - 1 steps.
         rows = len(result.recording.tracks[result.ego].columns["time"])
         times["ego_seconds"] = max(rows - 1, 0) * result.settings["timestep"]
     return all(

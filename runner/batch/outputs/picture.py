@@ -53,6 +53,7 @@ def write_picture(result: RunResult, path: Path) -> None:
     over time."""
     tracks = [track for track in result.recording.tracks.values() if len(track.columns["time"])]
     others = iter(_OTHERS * (len(tracks) // len(_OTHERS) + 1))
+    # The ego keeps its colour in all pictures, whichever place it has in the file.
     colours = {track.name: _EGO if track.name == result.ego else next(others) for track in tracks}
     impact = result.criticality.impact if result.criticality is not None else None
     named = _named(result, tracks)
@@ -62,6 +63,7 @@ def write_picture(result: RunResult, path: Path) -> None:
         warnings.filterwarnings(
             "ignore", "Glyph .* missing"
         )  # names may be in any script, and are boxes then
+        # Without pyplot, which keeps figures of a process until they are closed.
         figure = Figure(figsize=(11, 7.4), layout="constrained")
         grid = figure.add_gridspec(2, 2, height_ratios=(1.2, 1.0))
         above = figure.add_subplot(grid[0, :])
@@ -82,6 +84,7 @@ def write_picture(result: RunResult, path: Path) -> None:
             f"{result.verdict}"
         )
         figure.suptitle(_plain(title), fontsize=11, wrap=True)
+        # Without the version of the library: same run, same bytes.
         figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
@@ -92,7 +95,10 @@ def _named(result: RunResult, tracks: list[Track]) -> list[str]:
         []
         if measures is None
         else [
-            extreme["other"] for extreme in measures.summary.values() if isinstance(extreme, dict)
+            # Partners of extremes are those that a reader asks for.
+            extreme["other"]
+            for extreme in measures.summary.values()
+            if isinstance(extreme, dict)
         ]
     )
     there = {track.name for track in tracks}
@@ -113,6 +119,7 @@ def _from_above(
     x = np.concatenate([track.columns["x"] for track in tracks]) if tracks else np.zeros(1)
     y = np.concatenate([track.columns["y"] for track in tracks]) if tracks else np.zeros(1)
     height = np.ptp(y) + 2.0 * _MARGIN
+    # Never narrower than its room: names at the ends would be cut.
     width = max(np.ptp(x) + 2.0 * _MARGIN, _NARROWEST * height)
     middle = (x.min() + x.max()) / 2.0
     axes.set_xlim(middle - width / 2.0, middle + width / 2.0)
@@ -158,6 +165,7 @@ def _say(axes: Axes, tracks: list[Track], impact: Impact | None) -> None:
         )
         text = f"{track.name} {columns['speed'][row]:.1f} m/s"
         place = float(columns["x"][row]), float(columns["y"][row])
+        # Alternately above and below: names of neighbours would cover each other.
         above = 16 if number % 2 == 0 else -22
         axes.annotate(
             _plain(text), place, (0, above), textcoords="offset points", ha="center", fontsize=8,
@@ -227,7 +235,11 @@ def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
         ("ttc", "time to collision / s", "#ad1457"),
     ):
         axes.plot(
-            time, np.where(table[f"{name}_valid"], table[name], math.nan), color=colour, label=label
+            # NaN breaks the line where a measure has no value.
+            time,
+            np.where(table[f"{name}_valid"], table[name], math.nan),
+            color=colour,
+            label=label,
         )
     axes.fill_between(
         time, 0, 1, where=table["rss_violation_ad_rss"], transform=axes.get_xaxis_transform(),

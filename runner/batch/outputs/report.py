@@ -100,6 +100,7 @@ def evidence(verdict: Verdict) -> list[dict[str, Any]]:
 def evidence_text(each: Mapping[str, Any]) -> str:
     """The value of a kind of evidence, as `evidence` gives it, in words."""
     value, unit = each["value"], each["unit"]
+    # Shares of a plan are told as counts: 1 of 2 says more than 50 %.
     if each["planned"] is not None:
         return f"{value * each['planned'] if unit == 'share' else value:g} of {each['planned']}"
     if unit == "yes":
@@ -153,6 +154,7 @@ def finite(value: Any) -> Any:
 def write_events(events: Iterable[LogEntry], path: Path) -> None:
     """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as
     text."""
+    # `backslashreplace`: names of files may hold bytes that are no UTF-8.
     with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
         for entry in events:
             file.write(
@@ -171,6 +173,7 @@ def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "sk
     suites = etree.Element("testsuites", name="xosc-run")
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
+        # A suite a file, as readers of JUnit group by it.
         groups.setdefault(str(outcome.job.source), []).append(outcome)
     for source, members in groups.items():
         kinds = {
@@ -196,6 +199,7 @@ def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "sk
             _add_properties(case, outcome)
             if tag is not None:
                 loaded = f"loaded, not run (--dry-run){outcome.message and ': '}{outcome.message}"
+                # XML allows few control characters, which messages of other libraries may hold.
                 message = xml_text(loaded if outcome.state == "loaded" else outcome.message)
                 detail = etree.SubElement(case, tag, message=message)
                 if outcome.state in ("inconclusive", "loaded"):

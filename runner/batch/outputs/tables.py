@@ -93,11 +93,13 @@ def write_csv(result: RunResult, path: Path) -> None:
     recording = result.recording.locate()
     tracks = list(recording.tracks.values())
     frames: dict[float, list[str]] = {}
+    # Frames are keyed by time: entities join and leave.
     for number, track in enumerate(tracks):
         for time, text in zip(
             track.columns["time"].tolist(), _groups(track, number, recording), strict=True
         ):
             frames.setdefault(time, []).append(text)
+    # `backslashreplace`: names of files may hold bytes that are no UTF-8.
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(
             f"Written by: xosc-toolchain {version()}\nTime step: {result.settings['timestep']}\n"
@@ -131,6 +133,7 @@ def _groups(track: Track, number: int, recording: Recording) -> list[str]:
         *(_rate(values, time) for values in velocity),
     ]
     motion += [columns["s"], columns["t"]]
+    # Unwrapped, since a jump from π to -π would be a rate.
     heading = np.unwrap(columns["h"])
     turning = _rate(heading, time)
     fixed = f"{csv_text([[track.name]]).rstrip()}, {number}, "
@@ -161,6 +164,7 @@ def _groups(track: Track, number: int, recording: Recording) -> list[str]:
 
 def _turn(angle: float) -> float:
     """Angle from 0 to 2π, as in esmini's files; rounding errors about 0 are 0."""
+    # Rounding first: a tiny negative angle would become 2π.
     return round(angle, 9) % math.tau
 
 
@@ -208,6 +212,7 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     import pyarrow.parquet as pq
 
     rows = [_row(outcome) for outcome in sorted(outcomes, key=lambda outcome: outcome.job.name)]
+    # In memory first: the table is replaced as a whole or stays.
     content = BytesIO()
     pq.write_table(pa.Table.from_pylist(rows, schema=schema()), content, compression="zstd")
     keep(content.getvalue(), path, durable=True)

@@ -106,11 +106,13 @@ class OutcomeTable:
         if outcome.impact is not None:
             self._contacts.append((_title(outcome), outcome.impact))
         for remark in outcome.remarks:
+            # Without file and line: one remark on many sets of a file is told once.
             self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
             self._print(self._line(outcome))
             if self._verbose and self._evidence:
                 self._print(f"{'':{_WORD}}{self._evidence}")
+        # One error of a file comes with each of its sets.
         if outcome.state == "error" and outcome.message not in self._told:
             self._told.add(outcome.message)
             trace = (
@@ -150,7 +152,9 @@ class OutcomeTable:
         if self._terminal:
             word = f"{_COLOURS[outcome.state]}{word}{_OFF}"
         name, width = _title(outcome), self._width
+        # Cut on a terminal only: logs and pipes keep whole names.
         if self._terminal and len(name) > width:
+            # In the middle: names of sets differ at their ends.
             name = name[: width // 2 - 1] + "…" + name[-(width - width // 2) :]
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
         if outcome.state == "error":
@@ -173,6 +177,7 @@ class OutcomeTable:
         Args:
             left_out: numbers of parameter sets that violate constraints, by variation file.
         """
+        # The progress line shares the terminal with the table.
         if self._progress:
             sys.stderr.write(_CLEAR)
         runs = sum(self._counts.values())
@@ -195,6 +200,7 @@ class OutcomeTable:
             if self._evidence and not self._verbose:
                 self._print(f"evidence: {self._evidence}")
             return
+        # The gravest first, as `_WORDS` has them.
         for (state, cause), names in sorted(
             self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])
         ):

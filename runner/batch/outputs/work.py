@@ -33,6 +33,7 @@ class WorkDone:
         self._states[outcome.state] += 1
         self._seen.add(outcome.job.source)
         if outcome.state == "error":
+            # A file counts as done only without an error in any of its runs.
             self._broken.add(outcome.job.source)
 
     @property
@@ -46,6 +47,7 @@ class WorkDone:
         Files are done that had no error, runs that came to an end, and tested are runs that passed
         or failed. An interrupted batch has planned the runs that it came to.
         """
+        # Files are planned from the start; runs of an interrupted batch are those it came to.
         files = len(self._jobs.sources) if self._jobs is not None else len(self._seen)
         runs = self._jobs.made if self._jobs is not None else self.total
         tested = self._states["passed"] + self._states["failed"]

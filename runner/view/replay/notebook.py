@@ -3,8 +3,10 @@ batch, in a frame.
 
     import xosc_toolchain as xt
 
-    xt.run("xosc/library/simple_cut_in.xosc", sut="adas")  # the last line of a cell: table and
-    replay xt.show("results")  # a folder that xosc-run --out has written, of a run or of a batch
+    # As the last line of a cell: table and replay.
+    xt.run("xosc/library/simple_cut_in.xosc", sut="adas")
+    # A folder that xosc-run --out has written, of a run or of a batch.
+    xt.show("results")
 
 The frame is sandboxed: its page runs its own script, and reaches neither the notebook nor a
 network."""
