@@ -82,6 +82,7 @@ def checkpoint(road: Road, number: int, leg: int, point: RoadPoint) -> Checkpoin
     """A waypoint, with the lane below it; none where it lies on the border of lanes, or beside the
     road."""
     s = min(max(point.s, 0.0), road.length)
+    # Close to a border, a measuring error would decide which lane is asked for.
     below = road.lane_at(s, point.t)
     inside = 0.5 * road.lane_width(s, below) - _ON_BORDER if below else 0.0
     asked = below if below and abs(point.t - road.lane_t(s, below)) <= inside else None
@@ -118,6 +119,7 @@ class LanePlan:
         self._ends: list[Mapping[int, float]] = [{}] * len(self._cells)
         """cost of each lane at the end of each cell, the waypoint there included"""
         self._begins: list[Mapping[int, float]] = [{}] * len(self._cells)
+        # Backwards: the cost of a cell builds on that of the next.
         for index in reversed(range(len(self._cells))):
             self._ends[index] = {lane: self._after(index, lane) for lane in self._lanes[index]}
             self._begins[index] = {lane: self._best(index, lane)[0] for lane in self._lanes[index]}
@@ -202,9 +204,11 @@ class LanePlan:
             )
             if not leg.forward:
                 stops.reverse()
+            # A leg without length still is a cell, with its waypoint.
             ends = stops[1:] or stops
             for begin, end in zip(stops, ends, strict=False):
                 at = next((checkpoint for checkpoint in here if checkpoint.s == end), None)
+                # The section of the middle: at a border the next one would be found.
                 yield LaneCell(number, road.section(0.5 * (begin + end)), begin, end, at)
 
     def _drivable(self, cell: LaneCell) -> frozenset[int]:
@@ -240,6 +244,8 @@ class LanePlan:
         if index + 1 == len(self._cells):
             return missed
         begins = self._begins[index + 1]
+        # A lane that leads nowhere costs infinity, so that changing before it ends is always
+        # cheaper.
         costs = [begins.get(following, math.inf) for following in self._next(index, lane)]
         costs += [self.cost(leg, other, way) for way, other, leg in self._beside(index, lane)]
         return missed + min(costs, default=math.inf)
@@ -260,6 +266,7 @@ class LanePlan:
         """Lanes that a lane of a way in the place of a leg leads to, at the beginning of the leg
         after."""
         road, following = self._ways.roads[way.road_id], self._legs[self.parallel[way] + 1]
+        # In the order of travel.
         sections = road.sections if way.forward else road.sections[::-1]
         for section, after in pairwise(sections):
             linked = next_lane(section.lanes[lane], after, way.forward)
@@ -276,11 +283,14 @@ class LanePlan:
         best = ends.get(lane, math.inf), lane
         for step in (-1, 1):
             reached, changes = lane, 0
+            # 0 is the centre lane, which is no lane to drive on: `or step` goes past it.
             while (beside := reached + step or step) in lanes and self._allows(
                 index, reached, beside
             ):
                 reached, changes = beside, changes + 1
                 cost = ends.get(reached, math.inf) + changes
+                # One change now may make later ones needless at the same total: rather early than
+                # at the last moment.
                 if cost < best[0] or (cost == best[0] < math.inf):
                     best = cost, reached
         return best
@@ -289,8 +299,11 @@ class LanePlan:
         """Whether the road lets one change from a lane to its neighbour somewhere in a cell."""
         cell = self._cells[index]
         road = self._ways.roads[self._legs[cell.leg].road_id]
+        # Vehicles keep their lanes within junctions and do not cross the centre.
         if road.junction_id is not None or (lane > 0) != (beside > 0):
             return False
+        # Marks lie on the outer border of a lane (OpenDRIVE 1.9, 11.9), hence between both on that
+        # of the inner one.
         inner = min(lane, beside, key=abs)
         wanted = ("both", "increase" if beside > lane else "decrease")
         marks = cell.section.lanes[inner].marks
@@ -299,6 +312,7 @@ class LanePlan:
         there = [
             mark for mark, end in zip(marks, until, strict=False) if end > low and mark.s < high
         ]
+        # An absent laneChange allows both directions.
         return not there or any((mark.lane_change or "both") in wanted for mark in there)
 
     def _next(self, index: int, lane: int) -> list[int]:

@@ -39,6 +39,7 @@ def link_table(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> 
     """All lane links of a road network."""
     table: LinkTable = {}
     for one, other in _joints(roads, junctions):
+        # Both ways: files often declare a link on one side only.
         for lane, reached in ((one, other), (other, one)):
             links = table.setdefault((lane.road_id, lane.lane_id, not lane.at_start), [])
             if reached not in links:
@@ -62,6 +63,8 @@ def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None
 
 def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Iterator[_Joint]:
     for junction in junctions.values():
+        # The connecting roads of virtual junctions touch their main road between its ends: see
+        # side_table.
         for connection in junction.connections if junction.type != "virtual" else ():
             yield from _connection_joints(roads, junction, connection)
     for road in roads.values():
@@ -85,6 +88,8 @@ def _road_joints(
     pairs = [
         (lane, target) for lane, links in here.links().items() for target in there.reached(links)
     ]
+    # Lanes are paired by place only where no lane of either side is linked: else a missing link
+    # means that the lane ends.
     if not any(here.links().values()) and not any(there.links().values()):
         pairs = _same_lanes(here, there)
     yield from _pairs(here, there, pairs)
@@ -129,6 +134,7 @@ class _RoadEnd(NamedTuple):
         place."""
         links = list(links)
         found = [link.id for link in links if has(self.section, link)]
+        # A link may name a lane of the layer that is not in force here.
         return found or [lane for link in links if (lane := self._beside(link))]
 
     def _beside(self, link: LaneRef) -> int | None:
@@ -149,6 +155,7 @@ class _RoadEnd(NamedTuple):
 
 def _same_lanes(here: _RoadEnd, there: _RoadEnd) -> list[tuple[int, int]]:
     """Pair lanes at the same place, for a file that links roads but none of their lanes."""
+    # Start to start or end to end, the roads run against each other and their lanes change sides.
     sign = -1 if here.at_start == there.at_start else 1
     return [(lane, sign * lane) for lane in here.links()]
 
@@ -167,6 +174,8 @@ def _incoming_start(
     incoming: Road, connecting: Road, contact_start: bool, junction_id: str
 ) -> bool:
     """Whether the incoming road meets the junction with its start."""
+    # The connecting road says most precisely which end it comes from; the incoming road knows the
+    # junction only.
     back = connecting.predecessor if contact_start else connecting.successor
     if back and back.element_id == incoming.id and back.contact:
         return back.contact == "start"
@@ -181,6 +190,7 @@ def _incoming_start(
 def _nearer_start(road: Road, other: Road, other_at_start: bool) -> bool:
     """Whether the start of a road is nearer than its end to the given end of another road."""
     x, y, _ = other.line.at(0.0 if other_at_start else other.length)
+    # In the plane: elevations may be missing on one of both.
     gaps = [
         math.hypot(x - end[0], y - end[1]) for end in (road.line.at(0.0), road.line.at(road.length))
     ]
@@ -227,6 +237,7 @@ def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Side
     linked lanes goes."""
     table: SideTable = {}
     for road, at_start, main, near, lanes, walked in _sides(roads, junctions):
+        # `divided` put a border near there; the table is looked up by the exact s of sections.
         s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
         end = 0.0 if at_start else road.length
         for lane, other in lanes:
@@ -235,6 +246,8 @@ def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Side
                 or other not in main.section(s).lanes
             ):
                 continue
+            # Whether traffic comes off the main road here: it does where it drives away from this
+            # end.
             off = (road.direction(lane, end) > 0) == at_start
             traffic = (main.direction(other, s) > 0) == off
             for forward in (traffic, not traffic) if walked else (traffic,):
@@ -261,6 +274,7 @@ def _sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Iterator
     for road in roads.values():
         for at_start, link in ((True, road.predecessor), (False, road.successor)):
             if link is not None and link.s is not None:
+                # Some files link the lanes in the road, some in the junction's connection.
                 lanes = _lane_pairs(road, at_start) or connected.get((road.id, link.element_id), [])
                 side = _Side(road, at_start, roads[link.element_id], link.s, lanes)
                 if side.inside:
@@ -306,6 +320,7 @@ def _bordered(sections: list[LaneSection], s: float) -> list[LaneSection]:
     if index is None:
         return sections
     section = sections[index]
+    # Both halves link each other by the same id, so that movements go on across the cut.
     before = {
         lane.id: replace(cut(lane, section.s, s), successor=lane.id)
         for lane in section.lanes.values()

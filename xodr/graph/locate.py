@@ -57,7 +57,7 @@ class _Chord(NamedTuple):
 
 
 class _Box(NamedTuple):
-    """Bounds of what lies below; a leaf has a chord and no children."""
+    """Bounds of all chords below; a leaf has one chord and no children."""
 
     west: float
     south: float
@@ -91,6 +91,7 @@ class Locator:
 
     def __init__(self, roads: Iterable[Road]) -> None:
         leaves: list[_Box] = []
+        # Checked on the way, before the memory is taken.
         for road in roads:
             leaves.extend(_leaves(road))
             if len(leaves) > _MOST_CHORDS:
@@ -105,11 +106,15 @@ class Locator:
         feet: list[tuple[Road, float]] = []
         queue = [(self._root.distance(x, y), 0, self._root)]
         count = 0
+        # Best first: a box farther away than the best place can hold no better one.
         while queue and queue[0][0] <= gap:
             box = heappop(queue)[2]
             for child in box.children:
+                # The count breaks ties of distance: boxes themselves cannot be ordered.
                 count += 1
                 heappush(queue, (child.distance(x, y), count, child))
+            # A place on the road was found within reach of this chord, which would give the same
+            # again.
             if box.chord is None or any(box.chord.continues(*foot) for foot in feet):
                 continue
             road = box.chord.road
@@ -137,6 +142,7 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
         following = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
         before, s = s, min(max(following, 0.0), road.length)
+        # Clamped to an end, the step is 0 without any convergence: what is ahead there remains.
         if abs(s - before) < CONVERGED:
             if s == following:
                 ahead = 0.0  # what is left is the square of the last step, far below a micrometre
@@ -167,6 +173,7 @@ def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
     oscillates."""
     while high - low > CONVERGED:
         middle = 0.5 * (low + high)
+        # At the resolution of floats, far along a road, halving ends before CONVERGED.
         if middle in (low, high):
             break
         if _local(road, x, y, middle)[0] > 0.0:
@@ -187,6 +194,7 @@ def _mismatch(
         way = road.heading(point.s) + (
             0.0 if road.direction(point.lane_id, point.s) > 0 else math.pi
         )
+        # Rounded, so that lanes of one direction tie and the distance from the centre decides.
         angle = round(abs(math.remainder(h - way, math.tau)), 3)
     return (height if height > OTHER_LEVEL else 0.0), angle, round(abs(point.offset), 6)
 
@@ -197,6 +205,7 @@ def _mismatch(
 def _leaves(road: Road) -> Iterator[_Box]:
     if road.length / _LONGEST_CHORD > _MOST_CHORDS:
         raise ValueError(_TOO_LONG)
+    # No chord spans a change of geometry or of lanes, where bends and widths jump.
     knots = {s for s in road.line.knots() if 0.0 < s < road.length} | {
         section.s for section in road.sections
     }

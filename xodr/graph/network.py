@@ -187,20 +187,21 @@ class RoadNetwork:
             follow(self.roads[hint.road_id].on(layer), x, y, hint.s) if hint is not None else None
         )
         if point is None:
+            # One test for both: a sum with inf or NaN is not finite.
             if not math.isfinite(x + y):
                 raise RoadError(f"({x}, {y}) is no place in the world", path=self.path)
             point = self.on(layer)._locator.locate(x, y, z, h)
         return point if point.layer == layer else point._replace(layer=layer)
 
     def on_road(self, point: RoadPoint) -> bool:
-        """Whether the point lies on a lane of the road, of whatever layer; lanes of type "none" are
-        not part of it."""
+        """Whether the point lies on a lane of the road, in any layer, of any type but "none"."""
         road = self.roads[point.road_id]
         if not 0.0 <= point.s <= road.length:
             return False
         usual = road.on(PERMANENT)
         right, left = usual.edges(point.s)
         lies = (
+            # Within the permanent edges there may be gaps, such as a median of type none.
             right <= point.t <= left
             and usual.lane_type(point.s, usual.lane_at(point.s, point.t)) != "none"
         )
@@ -209,8 +210,7 @@ class RoadNetwork:
     # ways -----------------------------------------------------------------------------------
 
     def links(self, road_id: str, lane_id: int, forward: bool) -> list[LaneLink]:
-        """Every lane reached at the end (forward) or start of a road from one of its lanes there,
-        but for those inside roads.
+        """Lanes reached from a lane at the end (forward) or start of its road, none inside roads.
 
         Lanes are those in force; `on` has those of a layer.
         """
@@ -235,6 +235,7 @@ class RoadNetwork:
         """
         traveller = self.on(point.layer)._traveller
         choose = choose or traveller.straightest
+        # Backwards is forwards in the other direction, turned round at the end.
         if distance >= 0.0:
             return traveller.travel(point, distance, forward, choose)
         point, backward, left = traveller.travel(point, -distance, not forward, choose)
@@ -260,8 +261,10 @@ class RoadNetwork:
                 RouteStrategy.
             rng: source of the random routes.
         """
+        # A strategy leads to the next waypoint, so the last one needs none.
         missing = len(waypoints) - 1 - len(strategies)
         layer = waypoints[0].layer if waypoints else TEMPORARY
+        # A route keeps to one layer: that of its first waypoint.
         waypoints = [self.moved(waypoint, layer) for waypoint in waypoints]
         return self.on(layer)._router.route(waypoints, [*strategies, *["shortest"] * missing], rng)
 

@@ -119,6 +119,8 @@ class Router:
         Ways of traffic are taken where they suffice, else any way, also against the traffic
         (pedestrians).
         """
+        # Two passes: only where traffic leads to no goal, ways against it count, and then for the
+        # whole route.
         for driven in (True, False):
             found = self._stretches(waypoints, strategies, rng, driven)
             if found is None:
@@ -128,6 +130,7 @@ class Router:
                 return RoadPath(self._legs(stretches), self._otherwise)
             plan = self._plan(stretches, checkpoints)
             lane = waypoints[0].lane_id
+            # A cost of 0 cannot get better.
             if 0.0 < plan.cost(0, lane) < math.inf:
                 plan = self._through_junctions(stretches, checkpoints, lane, plan)
             return RoadPath(self._legs(stretches), self._otherwise, plan)
@@ -165,6 +168,7 @@ class Router:
         """Other roads through a junction from one road to another."""
         roads, way = self._ways.roads, inside[0]
         junction = roads[way.road_id].junction_id
+        # Of a chain of connecting roads, no single one can be exchanged.
         if junction is None or roads[after[0].road_id].junction_id == junction:
             return []
         parallel: list[Stretch] = []
@@ -190,12 +194,15 @@ class Router:
         stretches: list[Stretch] = []
         checkpoints: list[Checkpoint] = []
         for (origin, target), strategy in zip(pairwise(waypoints), strategies, strict=True):
+            # A random route without a source of chance is the same every time.
             price = PRICES[strategy] if strategy != "random" else _random_price(rng or Random(0))
+            # A route does not turn round at a waypoint.
             heading = stretches[-1][0].forward if stretches else None
             found = self._search(origin, target, heading, price, driven)
             if found is None:
                 return None
             for way, enter, leave in found:
+                # A waypoint amid a road does not end its leg.
                 if stretches and stretches[-1][0] == way and stretches[-1][2] == enter:
                     enter = stretches.pop()[1]
                 stretches.append((way, enter, leave))
@@ -237,12 +244,15 @@ class Router:
             (_, way, enter), before = trail[index]
             if finished:
                 return self._unwind(trail, index, target.s)
+            # The first stretch is never marked: a ring may lead back to its way, to a goal behind
+            # the start.
             if before >= 0 and (way, enter) in seen:
                 continue
             if before >= 0:
                 seen.add((way, enter))
             road = roads[way.road_id]
             ahead = _ahead(way, enter, target.s)
+            # Pushed, not returned: another way may reach the goal cheaper.
             if way.road_id == target.road_id and way.forward in arrivals and ahead >= 0.0:
                 heappush(queue, (add(cost, price(road, ahead)), index, True))
             for step in self._ways.steps(way, driven):
@@ -281,12 +291,12 @@ def _ahead(way: Way, s: float, other: float) -> float:
 
 
 def _random_price(rng: Random) -> Price:
-    """A price that makes some way or other the cheapest: every road's length counts by a factor of
-    its own."""
+    """Price of random routes: every road's length counts by a factor of its own."""
     factors: dict[str, float] = {}
 
     def price(road: Road, length: float) -> Cost:
         if road.id not in factors:
+            # Drawn once for each road, so that a route's price does not change during the search.
             factors[road.id] = rng.expovariate(1.0)
         return factors[road.id] * length, length
 
@@ -340,6 +350,7 @@ class RoadRelations:
         if found is None:
             return None
         ds = found.length if found.leaving.forward else -found.length
+        # On a road laid the other way round, lanes of the same place have the opposite sign.
         lane_id = origin.lane_id if found.aligned else -origin.lane_id
         return _relative(ds, origin.t, lane_id, target, target.t, found.aligned)
 
@@ -377,8 +388,7 @@ class RoadRelations:
     def _connection(
         self, origin: RoadPoint, target: RoadPoint, strategy: str
     ) -> _Connection | None:
-        """The cheapest connection of two points on different roads, whatever end of their roads it
-        uses."""
+        """Cheapest connection of two points on different roads, over any ends of both."""
         start, end = self._ways.roads[origin.road_id], self._ways.roads[target.road_id]
         price = PRICES[strategy]
         best: _Connection | None = None
@@ -399,6 +409,8 @@ class RoadRelations:
         """The connection of two points on one road over its ends and back to it; None where the
         road itself is shorter."""
         road, apart = self._ways.roads[origin.road_id], target.s - origin.s
+        # The way round is at least the rest of the road, so it can be shorter only above half of
+        # it; it needs both ends.
         if 2.0 * abs(apart) <= road.length or not (road.successor and road.predecessor):
             return None
         way = Way(road.id, apart < 0.0)
@@ -426,6 +438,7 @@ def lanes_between(lane_id: int, other: int) -> int:
 
 
 def _rank(lane_id: int) -> int:
+    # Left lanes close up to the right ones, as if there were no lane 0.
     return lane_id - 1 if lane_id > 0 else lane_id
 
 
@@ -434,6 +447,7 @@ def _relative(
 ) -> Relative:
     """Convert a place from the target road's frame to the origin's; `lane_id` is the origin's lane
     as it goes on there."""
+    # Opposite roads count t and lanes the other way.
     sign = 1 if aligned else -1
     return Relative(
         ds, sign * target_t - origin_t, sign * lanes_between(lane_id, target.lane_id), aligned

@@ -48,6 +48,7 @@ class Traveller:
 
     def __init__(self, roads: Mapping[str, Road], links: LinkTable, sides: SideTable) -> None:
         self._roads, self._links, self._sides = roads, links, sides
+        # Turns are asked for at every junction by every road user, and never change.
         self._turns: dict[LaneLink, tuple[float, bool]] = {}
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
@@ -61,6 +62,7 @@ class Traveller:
         center = lane.center.constant
         if center is not None and road.line.straight:  # the common case: ds is the distance
             reached = s + distance if forward else s - distance
+            # Beyond a section, links and borders matter: the slow way.
             if section.s <= reached < section.end:
                 return Travel(
                     RoadPoint(road_id, reached, center + offset, lane_id, offset, layer),
@@ -80,6 +82,7 @@ class Traveller:
         for _ in range(_MOST_BORDERS):
             section = road.sections[index]
             lane = section.lanes[lane_id]
+            # A lane that has closed goes on in its neighbour before anything else is asked.
             beside = _merged(section, lane, s, offset, forward) if lane.closed(s, forward) else None
             if beside is not None:
                 lane_id, offset = beside
@@ -91,6 +94,7 @@ class Traveller:
             here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset, point.layer)
             if inside:
                 return Travel(here, forward, 0.0)
+            # At the place where the lane closes: the next round merges it.
             if stop != border:
                 continue
             inner = 0 <= index + step < len(road.sections)
@@ -104,6 +108,7 @@ class Traveller:
                 index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
                 continue
             link, offset = onward
+            # The road entered is laid the other way round: t and offsets change sign.
             if link.at_start != forward:
                 offset = -offset
             road, lane_id, forward = self._roads[link.road_id], link.lane_id, link.at_start
@@ -144,6 +149,7 @@ class Traveller:
         links = self._sides.get((here.road_id, here.lane_id, forward, here.s))
         if not links:
             return None
+        # Staying on the road is one of the choices: choose sees it first.
         stay = LaneLink(here.road_id, here.lane_id, forward, here.s)
         link = choose(here, forward, [stay, *links])
         return (link, here.offset) if link is not None and link != stay else None
@@ -200,6 +206,7 @@ def _entry(road: Road, link: LaneLink) -> tuple[int, float]:
     """Index of the lane section that a link enters, and s there."""
     if link.s is None:
         return (0, 0.0) if link.at_start else (len(road.sections) - 1, road.length)
+    # Against s, the section before the border is entered.
     return road.section_index(link.s) - (0 if link.at_start else 1), link.s
 
 
@@ -218,10 +225,12 @@ def _along(
         return s, distance
     if road.line.straight and lane.center.constant is not None:
         return (border, distance - room) if distance >= room else (s + sign * distance, 0.0)
+    # The steps grow with the distance, so that teleports of kilometres stay cheap.
     longest = max(_STEP, distance / _MOST_STEPS)
     while True:
         room = (border - s) * sign
         limit = min(room, longest)
+        # Midpoint rule: the rate at the middle of a step makes its error one of third order.
         half = 0.5 * min(distance / _way_per_s(road, lane, offset, s), limit)
         rate = _way_per_s(road, lane, offset, s + sign * half)
         ds = distance / rate
@@ -238,6 +247,7 @@ def _lane_length(road: Road, lane: Lane, start: float, end: float) -> float:
     span = end - start
     if road.line.straight and lane.center.constant is not None:
         return abs(span)
+    # As fine as movements are, but bounded.
     count = max(1, min(math.ceil(abs(span) / _STEP), _MOST_STEPS))
     rates = (
         _way_per_s(road, lane, 0.0, start + span * (index + 0.5) / count) for index in range(count)
@@ -247,6 +257,7 @@ def _lane_length(road: Road, lane: Lane, start: float, end: float) -> float:
 
 def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:
     t = lane.center(s) + offset
+    # Beyond the centre of a curve the way would shrink to nothing, and ds grow without bound.
     return max(math.hypot(1.0 - road.line.curvature(s) * t, lane.center.slope(s)), _SHARPEST)
 
 
@@ -259,6 +270,7 @@ def _next_section(
     t stays the same.
     """
     section = road.sections[index]
+    # The centre lane goes on everywhere; no link says so.
     lane = section.lanes[lane_id]
     following = index + (1 if forward else -1)
     lanes = road.sections[following].lanes
@@ -266,6 +278,7 @@ def _next_section(
     linked = (lane.successor if forward else lane.predecessor) if lane_id else 0
     if linked not in lanes:
         linked = _nearest(lane, lanes.values(), border, lane.center(border) + offset)
+    # A lane that keeps its width goes on with its offset, even where its centre jumps.
     elif lane_id == 0 or lane.width(border) > _NARROWED:
         return following, linked, offset
     return following, linked, lane.center(border) + offset - lanes[linked].center(border)
@@ -303,6 +316,8 @@ def _nearest(lane: Lane, others: Iterable[Lane], s: float, t: float) -> int:
     def key(other: Lane) -> tuple[bool, float, int]:
         low, high = sorted((other.inner(s), other.outer(s)))
         return (
+            # Rather traffic for traffic than the nearest: a sidewalk may be nearer than the next
+            # lane.
             (other.type in DRIVABLE) != (lane.type in DRIVABLE),
             round(max(low - t, t - high, 0.0), 6),
             abs(other.id),

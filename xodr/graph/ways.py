@@ -1,5 +1,4 @@
-"""The graph of a road network: which roads follow each other in which direction, and how far one is
-from another.
+"""Graph of a road network: order of its roads in each direction, and the distances between them.
 
 A way is a road in one direction of travel. One way follows another where any lane leads over;
 changing lanes on a road is free. There are two graphs: of the ways that traffic drives, and of all
@@ -92,6 +91,7 @@ class Ways:
 
     def __init__(self, roads: Mapping[str, Road], links: LinkTable, sides: SideTable) -> None:
         self.roads, self._links = roads, links
+        # Two graphs: steps that traffic takes, and all steps, for pedestrians.
         self._steps: dict[bool, dict[Way, dict[Step, tuple[int, ...]]]] = {True: {}, False: {}}
         self._reach: dict[tuple[Way, str], dict[Way, Reached]] = {}
         for (road_id, lane_id, forward), reached in links.items():
@@ -135,6 +135,7 @@ class Ways:
         Roads are left and entered at their ends only.
         """
         found = self._reach.get((way, strategy))
+        # The spread over all ways is the same for every point on a road.
         if found is None:
             found = self._reach[way, strategy] = self._spread(way, PRICES[strategy])
         return found
@@ -142,6 +143,8 @@ class Ways:
     def _spread(self, way: Way, price: Price) -> dict[Way, Reached]:
         """Dijkstra's algorithm over all ways."""
         done: dict[Way, Reached] = {}
+        # Ties of cost are broken by the order of discovery, so that routes are the same in every
+        # run.
         number = count()
         queue: list[tuple[Cost, int, float, Way, Way | None]] = [
             ((0.0, 0.0), next(number), 0.0, following, None) for following in self.following(way)
@@ -182,6 +185,7 @@ class Ways:
         """The lane on the following way that a lane leads to; where it leads elsewhere, that of the
         nearest lane that does."""
         lanes = self.following(way)[following]
+        # The nearest by number stands for the nearest by place.
         leading = min(lanes, key=lambda lane: abs(lane - lane_id))
         links = self._links[way.road_id, leading, way.forward]
         return next(link.lane_id for link in links if (link.road_id, link.at_start) == following)
@@ -198,6 +202,7 @@ def _add(graph: dict[Way, dict[T, tuple[int, ...]]], way: Way, following: T, lan
 
 
 def _fastest(road: Road, length: float) -> Cost:
+    # The limit at the start of a road stands for all of it.
     return length / (road.speed_limit(0.0) or USUAL_SPEED), length
 
 

@@ -69,11 +69,13 @@ def load(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
 @lru_cache(maxsize=_CACHED_FILES)
 def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
     outside: list[Remark] = []
+    # Strict, the parser refuses faults outside of the elements, too, which are mended else.
     root = parse(path, None if strict else outside).getroot()
     try:
         _plain_names(root)
         faults = (*_not_read(root, path), *_doubled_signals(root, path))
         outside += faults
+        # Read as it stands first: repairs change the document, and few files need them.
         try:
             network = _network(path, root, tuple(outside))
             Remarks(strict).add(*faults)
@@ -81,6 +83,7 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
             remarks = () if strict else _repaired(root, path)
             if not remarks:
                 raise
+            # Where every road was left out, the first fault says more than "has no road".
             if root.find("road") is None:
                 raise remarks[0].error() from None
             network = _network(path, root, (*outside, *remarks))
@@ -102,8 +105,10 @@ def _repaired(root: etree._Element, path: Path) -> tuple[Remark, ...]:
 
 
 def _not_read(root: etree._Element, path: Path) -> Iterator[Remark]:
-    """A remark for each kind of place with elements that no version has there; inconclusive where
-    they may decide shapes."""
+    """Remarks on elements that no version has at their place, one for each kind of place.
+
+    They make a run inconclusive where they may decide shapes.
+    """
     by_place: dict[str, list[Unknown]] = {}
     for element in unknown(root):
         by_place.setdefault(element.parent, []).append(element)
@@ -172,6 +177,7 @@ def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedE
     point."""
     for element in root.iterfind("{*}road"):
         road = network.roads.get(element.get("id", ""))
+        # A link with elementS meets the other road between its ends (OpenDRIVE 1.9, 12.7), no end.
         for at_start, name in ((True, "predecessor"), (False, "successor")):
             link = element.find(f"{{*}}link/{{*}}{name}")
             if (
@@ -187,15 +193,17 @@ def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedE
 
 
 def _broken_links(network: RoadNetwork, root: etree._Element) -> tuple[Remark, ...]:
-    """A remark where lanes are linked whose ends are apart, so that road users jump from one to the
-    other."""
+    """Remark on linked lanes with ends apart: road users jump from one to the other."""
     broken = list[tuple[float, LinkedEnds]]()
     seen: set[tuple[str, bool, str, bool]] = set()
     for ends in linked_roads(network, root):
         pair, back = (ends.road.id, ends.at_start), (ends.other.id, ends.other_at_start)
+        # Both roads declare one joint; it counts once.
         if (*back, *pair) in seen:
             continue
         seen.add((*pair, *back))
+        # Lanes that widen or narrow at a joint differ: broken is a joint where no pair of lanes
+        # meets.
         distance = min(_lanes_apart(network, ends), default=0.0)
         if distance > _JUMP:
             broken.append((distance, ends))
@@ -226,11 +234,14 @@ def cross_path_gaps(roads: Mapping[str, Road], path: CrossPath) -> tuple[float, 
 
 
 def _beside(main: Road, end: CrossPathEnd, road: Road, own_s: float) -> float:
+    # Files round s, which may then lie a little beyond the end of the road.
     s, own = min(end.s, main.length), road.section(own_s).lanes.get(end.own_lane)
     lane = main.section(s).lanes.get(end.lane_id)
     if lane is None or own is None:
         return math.inf
     here, there = main.pose(s, 0.0), road.pose(own_s, own.center(own_s))
+    # The main road's t of the end of the cross path, taken from its pose there: projected, not
+    # searched.
     t = (there.y - here.y) * math.cos(here.h) - (there.x - here.x) * math.sin(here.h)
     return max(min(lane.inner(s), lane.outer(s)) - t, t - max(lane.inner(s), lane.outer(s)), 0.0)
 
@@ -238,8 +249,10 @@ def _beside(main: Road, end: CrossPathEnd, road: Road, own_s: float) -> float:
 def _placed_cross_paths(
     path: Path, root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]
 ) -> Iterator[Remark]:
-    """Exchange the lane links of cross paths that are laid the other way round; a remark for these
-    and those that miss lanes."""
+    """Exchange the lane links of cross paths that are laid the other way round.
+
+    One remark for each of them, and for each that misses its lanes.
+    """
     for element in root.iterfind("junction"):
         junction = junctions[element.get("id", "")]
         for place, (cross_path, item) in enumerate(
@@ -252,6 +265,8 @@ def _placed_cross_paths(
                 cross_path._replace(start=cross_path.end, end=cross_path.start),
                 "road users jump there",
             )
+            # Exchanged only if that mends more than half: a path far from both stays as it is
+            # written.
             if max(cross_path_gaps(roads, turned)) < 0.5 * gap:
                 found = junction.cross_paths
                 junction.cross_paths = (*found[:place], turned, *found[place + 1 :])
@@ -271,8 +286,7 @@ def _placed_cross_paths(
 
 
 def _plain_names(root: etree._Element) -> None:
-    """Take the namespace from the names of all elements: files have it since OpenDRIVE 1.8, or have
-    it not."""
+    """Take the namespace from the names of all elements: files since OpenDRIVE 1.8 may have it."""
     if local_name(root) != "OpenDRIVE":
         raise invalid(root, "the root element of a road network is OpenDRIVE")
     if root.tag != "OpenDRIVE":
@@ -310,6 +324,7 @@ def _by_id(root: etree._Element, tag: str, read: Callable[[etree._Element], T]) 
 def _check_references(
     root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]
 ) -> None:
+    # Unchecked, a wrong id would come up as a KeyError when links are followed, far from its line.
     for element in root.iterfind("road/link/*"):
         kind, name = element.get("elementType"), element.get("elementId")
         if (kind == "road" and name not in roads) or (kind == "junction" and name not in junctions):

@@ -68,6 +68,7 @@ def number(element: etree._Element, name: str, default: float | None = None) -> 
         result = float(text(element, name))
     except ValueError:
         raise invalid(element, f"{name}={value!r} is not a number") from None
+    # Written so that NaN, for which every comparison is false, is refused, too.
     if not abs(result) <= LARGEST:
         raise invalid(
             element, f"{name}={value!r} must be a number between -{LARGEST:g} and {LARGEST:g}"
@@ -106,6 +107,7 @@ def ascending(elements: list[etree._Element], name: str, *, distinct: bool = Fal
             raise invalid(
                 element, f"{name}={value:g} follows {start:g}, but {name} must not decrease"
             )
+        # Exporters repeat whole records; two that say the same do no harm.
         if distinct and value == start and element.attrib != before.attrib:
             raise invalid(element, f"{name}={value:g} must differ from that of the record before")
     return values
@@ -116,6 +118,7 @@ def speed(element: etree._Element) -> float | None:
     if text(element, "max").strip().lower() in ("no limit", "undefined", ""):
         return None
     units = {"m/s": 1.0, "mph": 0.44704, "km/h": 1.0 / 3.6}
+    # Without a unit, OpenDRIVE means m/s.
     unit = element.get("unit") or "m/s"
     if unit not in units:
         raise invalid(element, f"unit={unit!r} is not one of {', '.join(units)}")
@@ -144,6 +147,7 @@ def profile(elements: list[etree._Element]) -> Profile:
         start: Cubic(start, *coefficients(element))
         for start, element in zip(starts, elements, strict=True)
     }
+    # A Profile extends its first piece backwards.
     if starts[0] > 0.0:
         pieces = {0.0: Cubic(0.0, 0.0), **pieces}
     return Profile(pieces.values())
@@ -224,6 +228,7 @@ def _cross_path_end(element: etree._Element, road: str, name: str) -> CrossPathE
 def _boundary_segment(element: etree._Element) -> BoundarySegment:
     kind, road = text(element, "type"), text(element, "roadId")
     if kind == "lane":
+        # A segment along one lane begins and ends with it.
         lane = integer(element, "boundaryLane")
         return BoundarySegment(
             road, _place(element, "sStart"), _place(element, "sEnd"), (lane, lane), joint=False
@@ -248,6 +253,7 @@ def connections(junction: etree._Element) -> list[etree._Element]:
     """The connections of a junction that roads make: none of a crossing, those with a connecting
     road of a virtual one."""
     kind, found = _kind(junction), junction.findall("connection")
+    # Other connections of virtual junctions have no road to travel on.
     if kind == "virtual":
         return [
             connection
@@ -265,6 +271,8 @@ def not_followed(root: etree._Element, path: Path) -> Iterator[Remark]:
         (road.get("id"), link.get("elementId"))
         for road in root.iterfind("road")
         for link in road.iterfind("link/*[@elementS]")
+        # Links to places at or beyond the ends of the main road are not followed
+        # (xodr.graph.links).
         if 0.0 < number(link, "elementS") < lengths.get(link.get("elementId"), 0.0)
     }
     for junction in root.iterfind("junction"):
@@ -301,6 +309,7 @@ def _connection(element: etree._Element) -> Connection:
     return Connection(
         id=element.get("id", ""),
         incoming_road=text(element, "incomingRoad"),
+        # Direct junctions name a linkedRoad in the place of a connectingRoad (OpenDRIVE 1.9, 12.6).
         connecting_road=text(
             element, "linkedRoad" if element.get("linkedRoad") else "connectingRoad"
         ),

@@ -1,4 +1,4 @@
-"""Repairs of OpenDRIVE files that the reader refuses although what they mean is plain.
+"""Repairs of OpenDRIVE files that the reader refuses although their meaning is plain.
 
 The reader itself is strict. Where it refuses a file, the repairs change the parsed document, and it
 is read once more; each kind of repair becomes one remark. A repair never chooses between two
@@ -35,8 +35,10 @@ SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 
 
 class Repair(NamedTuple):
-    """One change of the document. fault: what was wrong with the element. assumption: what is read
-    instead."""
+    """One change of the document.
+
+    fault: what was wrong with the element. assumption: what is read instead.
+    """
 
     element: etree._Element
     rule: str
@@ -54,7 +56,7 @@ def _value(element: etree._Element, name: str) -> float | None:
 
 
 def _given(element: etree._Element, name: str, fault: str) -> str:
-    """An attribute with what is wrong with it, or that it is missing."""
+    """Complaint about an attribute: its value with the fault, or that it is missing."""
     found = element.get(name)
     return f"{name} is missing" if found is None else f"{name}={found!r} {fault}"
 
@@ -151,6 +153,7 @@ def _repair_values(root: etree._Element) -> Iterator[Repair]:
 def _empty_curves(root: etree._Element) -> Iterator[Repair]:
     for curve in root.findall("road/planView/geometry/paramPoly3"):
         geometry = curve.getparent()
+        # A curve with a constant only stays at one place, whatever its length.
         if geometry is not None and not any(
             _value(curve, name + axis) for name in "bcd" for axis in "UV"
         ):
@@ -167,6 +170,7 @@ def _missing(root: etree._Element) -> Iterator[Repair]:
                     yield Repair(element, SCHEMA, f"the attribute {name!r} is missing", "read as 0")
         for element in _records(road, _STARTS):
             name = _STARTS[str(element.tag)]
+            # Starts that are given but make no sense are for _repair_order, or refused.
             start = _start(element, name) if element.get(name) is None else None
             if start is not None:
                 element.set(name, start)
@@ -212,8 +216,11 @@ def _absurd_records(root: etree._Element) -> Iterator[Repair]:
 def _constant_where_short(
     records: list[etree._Element], name: str, reach: float | None
 ) -> Iterator[Repair]:
-    """Make those records constant that hold for a short stretch only and have numbers that are
-    none; `reach` ends the last."""
+    """Make records constant that have absurd numbers and hold for a short stretch only.
+
+    The last one holds up to `reach`.
+    """
+    # A record holds up to the next one of its kind.
     ends = [*(_value(record, name) for record in records), reach]
     for record, start, end in zip(records, ends, ends[1:], strict=False):
         absurd = next((letter for letter in "abcd" if not _plausible(record, letter)), None)
@@ -286,6 +293,7 @@ def _sorted(records: list[etree._Element], names: tuple[str, ...]) -> Iterator[R
         record: tuple(number for number in key if number is not None)
         for record, key in keys.items()
     }
+    # One remark for each list: sorting mends all of its faults at once.
     out_of_order = next(
         (after for before, after in pairwise(records) if known[after] < known[before]), None
     )
@@ -294,6 +302,7 @@ def _sorted(records: list[etree._Element], names: tuple[str, ...]) -> Iterator[R
         _put_in_order(records, sorted(records, key=known.__getitem__))
         fault = f"{_place(known[out_of_order], names)} follows {_place(known[before], names)}"
         yield Repair(out_of_order, _ORDER, fault, "the records are read in ascending order")
+    # In writing order of equals, for sorted() is stable: the last one of a place wins.
     for before, after in pairwise(sorted(records, key=known.__getitem__)):
         if (
             before.tag in _UNIQUE
@@ -309,6 +318,7 @@ def _put_in_order(records: list[etree._Element], ordered: list[etree._Element]) 
     parent = records[0].getparent()
     if parent is None:
         return
+    # Put back where the list began: lane and lateralProfile have other children whose order counts.
     first = parent.index(records[0])
     for record in records:
         _leave_out(record)
@@ -335,11 +345,14 @@ def _length(element: etree._Element) -> float:
 
 
 def _repair_plan_view(root: etree._Element) -> Iterator[Repair]:
-    """Give roads the length of their line, lines that of their road; leave roads out that have
-    neither."""
+    """Give roads the length of their line, and lines that of their road.
+
+    Roads with neither are left out.
+    """
     for road in root.findall("road"):
         geometries = road.findall("planView/geometry")
         length, *lengths = (_length(element) for element in (road, *geometries))
+        # The lengths of a road and of its geometries are equal, so each tells the other.
         if length <= 0.0 and sum(lengths) > 0.0:
             fault = _given(road, "length", "is no length")
             road.set("length", repr(sum(lengths)))
@@ -401,6 +414,7 @@ def _lane_sections(road: etree._Element) -> Iterator[Repair]:
         lanes = etree.SubElement(road, "lanes")
     sections = lanes.findall("laneSection")
     if not sections:
+        # The centre lane alone, as the smallest section that the reader takes.
         center = etree.SubElement(etree.SubElement(lanes, "laneSection", s="0"), "center")
         etree.SubElement(center, "lane", id="0")
         yield Repair(
@@ -409,6 +423,7 @@ def _lane_sections(road: etree._Element) -> Iterator[Repair]:
             f"the road {road.get('id')!r} has no lane section",
             "it is read as a road without lanes",
         )
+    # Sections at or behind the end of the road hold nowhere; the first one holds from 0 on.
     for section in sections[1:]:
         start = _value(section, "s")
         if start is not None and length is not None and start >= length:
@@ -420,6 +435,7 @@ def _lane_sections(road: etree._Element) -> Iterator[Repair]:
 def _lane_side(section: etree._Element, side: str, sign: int) -> Iterator[Repair]:
     lanes = section.findall("lane")
     ids = [_value(lane, "id") for lane in lanes]
+    # Mixed signs have two meanings (a wrong side, or a wrong sign), so the reader refuses them.
     if lanes and all(number is not None and number * sign < 0 for number in ids):
         for lane, number in zip(lanes, ids, strict=True):
             lane.set("id", f"{-(number or 0.0):.0f}")
@@ -441,8 +457,9 @@ _READERS: dict[str, Callable[[etree._Element], object]] = {
 
 
 def _repair_roadside(root: etree._Element) -> Iterator[Repair]:
-    """Leave out what cannot be read."""
+    """Leave out signals, objects, structures and controllers that the reader refuses."""
     for path, read in _READERS.items():
+        # findall, not iterfind: elements are removed on the way.
         for element in root.findall(path):
             try:
                 read(element)
@@ -505,6 +522,7 @@ def _link(link: etree._Element, known: dict[str, set[str | None]]) -> Iterator[R
     if link.tag not in ("predecessor", "successor"):
         return
     kind, name = link.get("elementType"), link.get("elementId")
+    # Roads and junctions may share ids, in which case the kind cannot be told.
     if kind not in known:
         kinds = [kind for kind, names in known.items() if name in names]
         if len(kinds) == 1:
@@ -512,6 +530,7 @@ def _link(link: etree._Element, known: dict[str, set[str | None]]) -> Iterator[R
             link.set("elementType", kinds[0])
             yield Repair(link, SCHEMA, fault, "the only element of that id is linked")
             return
+    # The road then ends there: nothing tells which other was meant.
     if name not in known.get(kind or "", ()):
         _leave_out(link)
         yield Repair(link, _LINKED, f"the {kind} {name!r} does not exist", "the link is left out")
@@ -522,6 +541,7 @@ def _link(link: etree._Element, known: dict[str, set[str | None]]) -> Iterator[R
         )
     elif link.get("contactPoint") not in ("start", "end", None):
         fault = _given(link, "contactPoint", "is neither start nor end")
+        # The reader takes the nearer end where none is named.
         del link.attrib["contactPoint"]
         yield Repair(link, SCHEMA, fault, "the nearer end is linked")
 
@@ -543,9 +563,9 @@ def _connection(connection: etree._Element, roads: set[str | None]) -> Iterator[
             yield Repair(link, SCHEMA, "from and to are not both lanes", "the link is left out")
 
 
-# all of them
-# ---------------------------------------------------------------------------------------
+# all of them --------------------------------------------------------------------------------------
 
+# The order counts: a repair relies on values that those before it filled in.
 _REPAIRS: tuple[Callable[[etree._Element], Iterator[Repair]], ...] = (
     _repair_header,
     _repair_values,
@@ -559,8 +579,10 @@ _REPAIRS: tuple[Callable[[etree._Element], Iterator[Repair]], ...] = (
 
 
 def repair(root: etree._Element, path: str | PathLike[str]) -> tuple[Remark, ...]:
-    """Repair a document whose elements have names without namespaces; what was assumed, each thing
-    once."""
+    """Repair a document, and report each assumption once.
+
+    Names of its elements have no namespace any more.
+    """
     found: dict[tuple[str, str], list[Repair]] = {}
     for kind in _REPAIRS:
         for fault in kind(root):
@@ -569,7 +591,7 @@ def repair(root: etree._Element, path: str | PathLike[str]) -> tuple[Remark, ...
 
 
 def _remark(path: str | PathLike[str], alike: list[Repair]) -> Remark:
-    """One remark for repairs of one kind: the first of them, and how many more there are."""
+    """Remark on repairs of one kind: the first of them, and the number of others."""
     first = alike[0]
     more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
     message = f"{first.element.tag}: {first.fault}{more}; {first.assumption}"

@@ -98,6 +98,8 @@ def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
             start + number(element, "length", math.inf) if element.get("length") else math.inf,
             length,
         )
+        # A single-sided section leaves the other side as it is, so it ends sections of its own side
+        # only.
         following = list(zip(elements, starts, strict=True))[index + 1 :]
         ends = [
             min([until, *(s for other, s in following if _covers(other, side))])
@@ -127,10 +129,13 @@ def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
     if not elements:
         raise invalid(lanes, "a road has at least one laneSection")
     starts = ascending(elements, "s")
+    # Lanes are there from the start of the road, however a file rounds or shifts the first section.
     starts[0] = 0.0
     offset = profile(lanes.findall("laneOffset"))
     sections: list[LaneSection] = []
     for element, (start, end) in zip(elements, pairwise([*starts, length]), strict=True):
+        # Sections of no length before others are left over from editing; the last one would leave
+        # the road's end without lanes.
         if end <= start:
             if element is elements[-1]:
                 raise invalid(
@@ -164,6 +169,7 @@ def _section(
                     item, f"the lane id {item.get('id')} is there twice in one lane section"
                 )
         inner = center
+        # From the centre outwards: each lane lies against the outer border of the one before it.
         for lane_id in sorted(items, key=abs):
             if lane_id * sign <= 0:
                 raise invalid(
@@ -185,6 +191,7 @@ def _lane(
     start = ends[0]
     sign = 1.0 if lane_id > 0 else -1.0
     widths, borders = element.findall("width"), element.findall("border")
+    # Widths win where a lane has both (OpenDRIVE 1.9, 11.7.1).
     if widths or not borders:
         width = _relative(widths, start)
         outer = inner.plus(width, sign)
@@ -220,8 +227,7 @@ def _lane(
 
 
 def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float, float], ...]:
-    """Height records, whose `sOffset` counts from the section's start; without any effect where all
-    are 0."""
+    """Height records, by s; none where all heights are 0."""
     records = element.findall("height")
     offsets = ascending(records, "sOffset") if records else []
     heights = tuple(
@@ -232,12 +238,12 @@ def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float,
 
 
 def _relative(elements: list[etree._Element], start: float) -> Profile:
-    """Width or border records, whose `sOffset` counts from the section's start; a lane without any
-    has no width."""
+    """Width or border records as a function of s; a lane without any has no width."""
     if not elements:
         return ZERO
     offsets = ascending(elements, "sOffset", distinct=True)
     pieces = {
+        # By place, so that a record that is repeated counts once.
         start + offset: Cubic(start + offset, *coefficients(element))
         for offset, element in zip(offsets, elements, strict=True)
     }
@@ -272,8 +278,10 @@ def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float |
 
 
 def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
-    """Access restrictions by place: one element with all of them since 1.8, before that one for
-    each road user."""
+    """Access restrictions by place.
+
+    Since OpenDRIVE 1.8 one element has all of them, before that each road user has its own.
+    """
     accesses: dict[float, LaneAccess] = {}
     for record in element.iterfind("access"):
         s = start + number(record, "sOffset", 0.0)
@@ -300,8 +308,9 @@ def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:
 
 
 def _continue_other_side(before: LaneSection, section: LaneSection) -> None:
-    """A single-sided section changes one side only: the lanes of the other side go on from the
-    section before."""
+    """Continue the lanes of the section before on the side that a single-sided section omits."""
+    # The borders of lanes are t from the reference line, so a new lane offset shifts those of the
+    # other side, too.
     moved = section.lanes[0].center.plus(before.lanes[0].center, -1.0)
     for lane_id in before.left if not section.left else before.right:
         lane = before.lanes[lane_id]
@@ -310,6 +319,7 @@ def _continue_other_side(before: LaneSection, section: LaneSection) -> None:
             lane, predecessor=lane_id, inner=inner, outer=outer, center=center
         )
         lane.successor = lane_id
+    # Lanes were added, on which the section's sides and borders depend.
     section.__post_init__()
 
 
@@ -385,6 +395,7 @@ def _road_types(element: etree._Element) -> list[RoadType]:
 
 
 def _reference_line(road: etree._Element) -> ReferenceLine:
+    # Exporters leave elements of no length between others: the next one begins at their place.
     elements = road.findall("planView/geometry")
     starts = ascending(elements, "s")
     kept = [
@@ -436,6 +447,7 @@ def _poly3(start: Start, shape: etree._Element) -> PlanElement:
 
 
 def _param_poly3(start: Start, shape: etree._Element) -> PlanElement:
+    # Required since OpenDRIVE 1.5; files of 1.4 may leave it out.
     p_range = shape.get("pRange") or "normalized"
     if p_range not in ("arcLength", "normalized"):
         raise invalid(shape, f"pRange={p_range!r} is neither arcLength nor normalized")
@@ -460,6 +472,7 @@ def _surface(road: etree._Element) -> Surface | None:
     crossfalls = road.findall("lateralProfile/crossfall")
     if not shapes and not crossfalls:
         return None
+    # Shapes of one s make up one cross-section; between two of them the surface is interpolated.
     by_s: dict[float, list[etree._Element]] = {}
     for s, element in zip(ascending(shapes, "s"), shapes, strict=True):
         by_s.setdefault(s, []).append(element)

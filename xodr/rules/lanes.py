@@ -58,6 +58,7 @@ def level_holds_to_the_edge(document: CheckedDocument) -> Iterator[Finding]:
     for section in _sections(document):
         for sign in (1, -1):
             level = False
+            # From the centre outwards.
             for lane in section.side(sign):
                 if level and not _level(lane):
                     yield Finding(
@@ -106,6 +107,7 @@ def access_is_allowed_or_denied(document: CheckedDocument) -> Iterator[Finding]:
 def borders_stay_outside(document: CheckedDocument) -> Iterator[Finding]:
     """The border of a lane must not lie inside the border of the next lane towards the centre."""
     for section in _sections(document):
+        # t grows to the left, so on the right a border farther out is the smaller number.
         for sign in (1, -1):
             for inner, outer in pairwise(section.side(sign)):
                 near, far = records(document, inner, "border"), records(document, outer, "border")
@@ -128,8 +130,8 @@ _SAMPLES = 64
 
 
 def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[tuple[float, float]]:
-    """Both borders at places along a section, all starts and extremes of the cubics nearly among
-    them."""
+    """Both borders at places along a section: at each start of a record, and on a fine grid."""
+    # Starts of records are taken as they are: borders may jump there, which an even grid misses.
     places = {record.start for record in (*near, *far)} | {
         length * index / _SAMPLES for index in range(_SAMPLES + 1)
     }
@@ -143,6 +145,8 @@ def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[t
 def links_are_declared_by_both_lanes(document: CheckedDocument) -> Iterator[Finding]:
     """A lane that goes on over lane sections or roads must be linked in both directions."""
     for meeting in meetings(document):
+        # Lanes of incoming roads name none of the junction: its connections link them, one way
+        # only.
         if meeting.place == "junction" or (
             meeting.place == "road" and _of_junction(meeting.here, meeting.there)
         ):
@@ -209,8 +213,7 @@ def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Fi
                 )
 
 
-# layers of OpenDRIVE 1.9
-# -----------------------------------------------------------------------------
+# layers of OpenDRIVE 1.9 ------------------------------------------------------------------------
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.layer_limits")
@@ -358,6 +361,7 @@ def temporary_lanes_lie_on_the_road(document: CheckedDocument) -> Iterator[Findi
         layers = sections_by_layer(document, road)
         for section in layers.get(TEMPORARY, []):
             places = [
+                # Middles of equal parts: at the borders themselves the neighbouring sections hold.
                 section.start + (section.end - section.start) * (index + 0.5) / _SAMPLES
                 for index in range(_SAMPLES)
             ]
@@ -399,6 +403,7 @@ def _edge(
             at(records(document, lane, "width"), ds),
             at(records(document, lane, "border"), ds),
         )
+        # Widths add up from the centre; a border is its distance from the centre lane at once.
         t = t + sign * width if width is not None else centre + border if border is not None else t
     return t
 
@@ -441,6 +446,7 @@ def _connections(document: CheckedDocument) -> Iterator[tuple[etree._Element, et
 @rule("asam.net:xodr:1.7.0:junctions.connection.one_connection_element", since=(1, 7))
 def connecting_roads_have_one_connection(document: CheckedDocument) -> Iterator[Finding]:
     """In version 1.7, each connecting road shall have exactly one connection."""
+    # Since 1.8 a connecting road may have one connection for each incoming road.
     if document.type.version > (1, 7):
         return
     seen: set[str] = set()
@@ -468,6 +474,8 @@ def connections_lead_into_the_junction(document: CheckedDocument) -> Iterator[Fi
         if meeting.place != "junction":
             continue
         for lane, other, link in meeting.links:
+            # Traffic leaves over a road's start when it drives towards -s, and enters there towards
+            # +s.
             leaves = _ways(lane) & ({-1} if meeting.here_start else {1})
             enters = _ways(other) & ({1} if meeting.there_start else {-1})
             if not leaves or not enters:
@@ -483,6 +491,7 @@ def _ways(lane: etree._Element) -> set[int]:
     road = next(lane.iterancestors("{*}road"), None)
     if lane.get("direction") == "both" or lane.get("type") == "bidirectional":
         return {1, -1}
+    # Right-hand traffic drives towards +s on lanes with negative ids (OpenDRIVE 1.9, 10.1).
     right_hand = road is None or (road.get("rule") or "RHT") == "RHT"
     way = 1 if ((integer(lane, "id") or 0) < 0) == right_hand else -1
     return {-way} if lane.get("direction") == "reversed" else {way}
@@ -536,6 +545,7 @@ def ambiguous_links_need_a_junction(document: CheckedDocument) -> Iterator[Findi
             *road.iterfind("{*}link/{*}successor"),
         ):
             end = link.get("elementId") or "", link.get("contactPoint") or ""
+            # Without a contact point, it is unknown which end is meant.
             if link.get("elementType") != "road" or link.get("elementS") or not end[1]:
                 continue
             if end in seen:

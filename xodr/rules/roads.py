@@ -39,6 +39,7 @@ def ids_are_unique(document: CheckedDocument) -> Iterator[Finding]:
         for element in document.elements(tag):
             identity = element.get("id")
             if identity is None or (
+                # Inside a junction, `controller` refers to one and so repeats its id.
                 tag == "controller" and element.getparent() is not document.root
             ):
                 continue
@@ -69,6 +70,7 @@ def _unknown(
     element: etree._Element, attribute: str, kind: str, known: set[str]
 ) -> Iterator[Finding]:
     identity = element.get(attribute)
+    # -1 is the id of no junction.
     if identity and identity != "-1" and identity not in known:
         yield Finding(element, f"{attribute}: {unknown(kind, identity, known)}")
 
@@ -94,6 +96,7 @@ def _unknown_lane(
     meeting = [
         section
         for section in sections
+        # Files round the s of sections that meet.
         if abs((section.start if direction == "successor" else section.end) - border) <= SAME_BORDER
     ]
     known = {
@@ -118,6 +121,7 @@ def reference_line_is_complete(document: CheckedDocument) -> Iterator[Finding]:
         if not geometries:
             yield Finding(road, "the road has no geometry")
             continue
+        # Elements of length 0 are a habit of exporters; a road of nothing else cannot be read.
         if not any(
             (document.number(geometry, "length") or 0.0) > SHORTEST for geometry in geometries
         ):
@@ -132,10 +136,12 @@ def reference_line_is_complete(document: CheckedDocument) -> Iterator[Finding]:
                     f"length={length:g} must be greater than 0",
                     "warning" if length == 0 else None,
                 )
+            # `not … <=` catches NaN, too.
             if s is not None and end is not None and not abs(s - end) <= _TOLERANCE:
                 yield Finding(
                     geometry, f"s={s:g}, but the geometry before it ends at {end:g}", "warning"
                 )
+            # Unknown: nothing can be said about the next one.
             end = None if s is None or length is None else s + length
         total = document.number(road, "length")
         if end is not None and total is not None and not abs(total - end) <= _TOLERANCE:
@@ -157,8 +163,10 @@ def lane_sections_are_whole(document: CheckedDocument) -> Iterator[Finding]:
             last = -1.0
             for section in lanes.iterfind("{*}laneSection"):
                 s = document.number(section, "s")
+                # At s=length a section is empty: the reader leaves it out.
                 if s is not None and length is not None and s > max(length, 0.0):
                     yield Finding(section, f"s={s:g}, but the road is only {length:g} m long")
+                # Two single-sided sections, one for each side, may share their s.
                 if s is not None and not s > last and not (s == last and single_sided(section)):
                     yield Finding(
                         section, f"s={s:g} is not greater than that of the lane section before it"
@@ -171,6 +179,7 @@ def lane_sections_are_whole(document: CheckedDocument) -> Iterator[Finding]:
 def _numbering(document: CheckedDocument, section: etree._Element, side: str) -> Iterator[Finding]:
     sign, lanes = _SIDES[side], section.findall(f"{{*}}{side}/{{*}}lane")
     ids = [number for lane in lanes if (number := document.number(lane, "id")) is not None]
+    # Temporary layers may do without a centre lane (OpenDRIVE 1.9).
     if sign == 0:
         if ids != [0] and layer_of(section) == PERMANENT:
             yield Finding(section, "one centre lane with the id 0 is expected")
@@ -222,6 +231,7 @@ def _ascending(
         if not len(start) == len(here) == len(names):
             continue
         place = " ".join(f"{name}={number:g}" for name, number in zip(names, here, strict=True))
+        # Shapes ascend in t within one s; a restart of t there is read by sorting.
         if here < start:
             restarts = len(names) > 1 and here[0] == start[0]
             yield Finding(
@@ -327,6 +337,7 @@ def _curve_length(document: CheckedDocument, curve: etree._Element, end: float) 
         return None
     bu, cu, du, bv, cv, dv = (number or 0.0 for number in numbers)
     rates = []
+    # Simpson's rule needs an even number of steps.
     for index in range(_STEPS + 1):
         p = end * index / _STEPS
         rates.append(math.hypot(bu + p * (2 * cu + 3 * du * p), bv + p * (2 * cv + 3 * dv * p)))
@@ -392,6 +403,8 @@ def _same_polynomial(
     )
     if None in first or None in second:
         return False
+    # Both are compared in the place of the second: the first one's polynomial is moved there
+    # (Taylor).
     start, a, b, c, d = (number or 0.0 for number in first)
     x = (second[0] or 0.0) - start
     moved = (a + x * (b + x * (c + x * d)), b + x * (2 * c + 3 * x * d), c + 3 * x * d, d)
@@ -418,6 +431,7 @@ def linked_roads_touch(document: CheckedDocument) -> Iterator[Finding]:
     """
     network = _network(document)
     for ends in linked_roads(network, document.root) if network else ():
+        # Links of connecting roads are those of junctions, which have rules of their own.
         if (
             not ends.road.junction_id
             and not ends.other.junction_id
@@ -445,6 +459,8 @@ def linked_lanes_touch(document: CheckedDocument) -> Iterator[Finding]:
     for element in document.elements("road"):
         yield from _gaps_of_line(network.roads.get(element.get("id") or ""), element)
     every = list(meetings(document))
+    # A lane that splits covers several lanes; each of these alone is narrower, so only the lane
+    # that splits is compared.
     split = {(link, meeting.place) for meeting in every for link in _of_split(meeting)}
     for meeting in every:
         yield from _gaps_of_lanes(network, meeting, split)
@@ -475,6 +491,7 @@ def cross_paths_reach_their_lanes(document: CheckedDocument) -> Iterator[Finding
 
 def _gaps_of_line(road: Road | None, element: etree._Element) -> Iterator[Finding]:
     geometries = element.findall("{*}planView/{*}geometry")
+    # The reader drops elements of no length, after which elements and segments no longer pair up.
     if road is None or len(geometries) != len(road.line.segments):
         return
     for (before, after), geometry in zip(pairwise(road.line.segments), geometries[1:], strict=True):
@@ -523,7 +540,9 @@ def _gaps_of_lanes(
         if lane.get("type") not in DRIVABLE or here is None or not there:
             continue
         places = [place for group in there for place in group]
+        # Several lanes there make up one here: each border has to meet one of theirs.
         gap = max(min(math.dist(mine, place) for place in places) for mine in here)
+        # Where roads are laid against each other, inner and outer borders change places.
         if len(there) == 1:
             gap = min(
                 _apart(here, there[0]), _apart(here, _Borders(there[0].outer, there[0].inner))
@@ -549,6 +568,7 @@ def _borders(
     if road is None:
         return None
     road = road.on(section.layer)
+    # In the middle, for at its ends a section's s may belong to the next one.
     found = road.section(0.5 * (section.start + section.end)).lanes.get(integer(lane, "id") or 0)
     if found is None or not found.id:
         return None

@@ -59,14 +59,14 @@ def single_sided(section: etree._Element) -> bool:
 
 
 def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[str, list[Section]]:
-    """The lane sections of a road by layer, with the s at which they end: at the next one of their
-    side, or before."""
+    """Lane sections of a road by layer, each up to the next one of its side, or its own end."""
     length, sections = document.number(road, "length"), dict[str, list[Section]]()
     for lanes in road.iterfind("{*}lanes"):
         layer = lanes.get("layer") or PERMANENT
         starts = [
             (section, document.number(section, "s")) for section in lanes.iterfind("{*}laneSection")
         ]
+        # Sections without a readable s have no place among the others.
         known = [(section, s) for section, s in starts if s is not None]
         for index, (section, s) in enumerate(known):
             after = (
@@ -112,6 +112,7 @@ def records(document: CheckedDocument, lane: etree._Element, tag: str) -> list[R
 
 def at(found: Sequence[Record], ds: float) -> float | None:
     """Value of the records at a distance from the section's start, m; None where there is none."""
+    # With the tolerance, a record counts at a place that the file rounds.
     holding = [record for record in found if record.start <= ds + SAME_BORDER]
     return holding[-1](ds) if holding else None
 
@@ -124,8 +125,7 @@ def width_at(
 
 
 class SectionMeeting(NamedTuple):
-    """Two ends of lane sections that touch: of one road, of linked roads ("road") or of a
-    connection in a junction.
+    """Two ends of lane sections that touch.
 
     place: "section", "road" or "junction". here_start, there_start: whether the sections touch with
     their start. links: the lanes here with those that they link there, and the element that says
@@ -171,11 +171,14 @@ def connected_road(connection: etree._Element) -> str:
 
 
 def _within(layers: dict[str, list[Section]]) -> Iterator[SectionMeeting]:
+    # Of all layers, for lanes may link those of the other layer (OpenDRIVE 1.9).
     every = sorted(
         (section for sections in layers.values() for section in sections),
         key=lambda section: section.start,
     )
     starts = [section.start for section in every]
+    # Sorted starts let each border find its sections without comparing all pairs, which is slow on
+    # roads of thousands.
     for before in every:
         for after in every[
             bisect_left(starts, before.end - SAME_BORDER) : bisect_right(
@@ -201,6 +204,7 @@ def _at_end(layers: dict[str, list[Section]], at_start: bool) -> Iterator[Sectio
     length = max((section.end for section in layers.get(PERMANENT, [])), default=0.0)
     for sections in layers.values():
         section = sections[0 if at_start else -1]
+        # Temporary sections need not reach the ends of their road.
         if section.start <= SAME_BORDER if at_start else section.end >= length - SAME_BORDER:
             yield section
 
@@ -267,4 +271,5 @@ def touches_with_start(road: etree._Element | None, junction: etree._Element) ->
         for link in road.iterfind(f"{{*}}link/{{*}}{name}")
         if link.get("elementType") == "junction" and link.get("elementId") == junction.get("id")
     ]
+    # A road may loop back to its junction: which end is meant then is unknown.
     return ends[0] if len(ends) == 1 else None
