@@ -31,7 +31,13 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
-from schemas.common.terminal.options import option, with_settings, writable_folder
+from schemas.common.terminal.options import (
+    READ,
+    WRITTEN,
+    option,
+    with_settings,
+    writable_folder,
+)
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
@@ -68,13 +74,12 @@ class Sorting:
 
 
 @dataclass(frozen=True)
-class ScenarioFormat:
-    """Roads and version of what is written: options of `catalogue` and `replay`.
+class RecordingOptions:
+    """What recordings lack: options of all commands that read them.
 
     Attributes:
         road: the OpenDRIVE file of all recordings; None for what they have.
         columns: declaration of the columns of tables; None for those beside them.
-        standard: version of OpenSCENARIO.
     """
 
     road: Path | None = option(
@@ -88,6 +93,16 @@ class ScenarioFormat:
         "columns.toml beside each]",
         metavar="FILE",
     )
+
+
+@dataclass(frozen=True)
+class ScenarioFormat:
+    """Version of what is written: option of `catalogue`, `write` and `replay`.
+
+    Attributes:
+        standard: version of OpenSCENARIO.
+    """
+
     standard: str = option(
         "1.3", "Version of OpenSCENARIO.", type=Literal["1.0", "1.1", "1.2", "1.3"]
     )
@@ -97,6 +112,15 @@ class ScenarioFormat:
         """Version of OpenSCENARIO as numbers."""
         major, minor = map(int, self.standard.split("."))
         return major, minor
+
+
+Ray = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here.",
+    ),
+]
 
 
 @protected("max_runs")
@@ -109,6 +133,7 @@ def catalogue(
         ),
     ],
     out: Annotated[Path, out_folder("Folder of the catalogue.")],
+    given: RecordingOptions,
     form: ScenarioFormat,
     sorting: Sorting,
     scenes: Annotated[
@@ -126,13 +151,7 @@ def catalogue(
         ),
     ] = False,
     jobs: Jobs = 1,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here.",
-        ),
-    ] = None,
+    ray: Ray = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
     ] = False,
@@ -155,7 +174,7 @@ def catalogue(
     from runner.batch.pool import Workers
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
-    settings = CatalogueSettings(scenes, form.road, form.columns, rules, config=config)
+    settings = CatalogueSettings(scenes, given.road, given.columns, rules, config=config)
     made, note = _recogniser(sorting, discover, keep_model is not None)
     if discover and made is ByRules:
         raise UsageError("--discover is for a model that labels; rules discover nothing")
@@ -188,6 +207,7 @@ def replay(
         Path,
         typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it."),
     ],
+    given: RecordingOptions,
     form: ScenarioFormat,
     ego: Annotated[
         str | None,
@@ -217,7 +237,7 @@ def replay(
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
     made = write_replay(
-        path, out, ego=ego, road=form.road, columns=form.columns, version=form.version, raw=raw
+        path, out, ego=ego, road=given.road, columns=given.columns, version=form.version, raw=raw
     )
     if not quiet:
         for remark in made.remarks:
@@ -309,6 +329,13 @@ def _print_note(note: str, quiet: bool) -> None:
         say(f"{NAME}: {note}", to=sys.stderr)
 
 
+def _print_skipped(files: list[Path], quiet: bool) -> None:
+    if files and not quiet:
+        from recognition.recordings.source import named
+
+        say(f"{NAME}: {len(files)} files are of no known format: {named(files)}", to=sys.stderr)
+
+
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     """Print what was made; the exit code."""
     if not quiet:
@@ -347,20 +374,14 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for name, reason in summary.repaired.items() if not quiet else ():
         say(f"{NAME}: {name} was repaired: {reason}", to=sys.stderr)
-    if summary.skipped and not quiet:
-        from recognition.recordings.source import named
-
-        say(
-            f"{NAME}: {len(summary.skipped)} files are of no known format: "
-            f"{named(summary.skipped)}",
-            to=sys.stderr,
-        )
+    _print_skipped(summary.skipped, quiet)
     for error in summary.failures.values():
         say(f"{NAME}: {error}", to=sys.stderr)
     return max((error.exit_code for error in summary.failures.values()), default=0)
 
 
 @protected("max_runs")
+@with_settings
 def inspect(
     paths: Annotated[
         list[Path],
@@ -368,13 +389,7 @@ def inspect(
             metavar="RECORDING...", help="Recordings: files, or folders with all below them."
         ),
     ],
-    road: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file of all recordings.")
-    ] = None,
-    columns: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Names, units and frame of the columns of tables, TOML."),
-    ] = None,
+    given: RecordingOptions,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a JSON object for each recording, one a line.")
     ] = False,
@@ -392,11 +407,10 @@ def inspect(
     """
     from recognition.catalogue.recordings import forget, inspected, listed, opened
     from recognition.recordings.intake import REFUSED
-    from recognition.recordings.source import named
 
     forget()
     code = 0
-    for source in opened(tuple(paths), road, columns):
+    for source in opened(tuple(paths), given.road, given.columns):
         found = inspected(source)
         code = 3 if found.verdict == REFUSED else code
         if as_json:
@@ -405,9 +419,109 @@ def inspect(
             say(f"{found.verdict:8}  {found.quality:.3f}  {found.name} ({found.format})")
             for reason in () if quiet else found.reasons:
                 say(f"          {reason}")
-    skipped = [file for data_set in listed(tuple(paths), columns) for file in data_set.skipped]
-    if skipped and not quiet:
-        say(f"{NAME}: {len(skipped)} files are of no known format: {named(skipped)}", to=sys.stderr)
+    data_sets = listed(tuple(paths), given.columns)
+    _print_skipped([file for data_set in data_sets for file in data_set.skipped], quiet)
+    raise typer.Exit(code)
+
+
+# findings first, scenarios on demand ------------------------------------------------------------
+
+
+@protected("max_runs")
+@with_settings
+def find(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH...", help="Recordings: files, or folders with all below them."
+        ),
+    ],
+    out: Annotated[
+        str, WRITTEN, typer.Option(metavar="DIR|URL", help="Store of the findings: folder or URL.")
+    ],
+    given: RecordingOptions,
+    signalised: Annotated[
+        bool,
+        typer.Option("--signalised", help="Count junctions with traffic lights as well."),
+    ] = False,
+    jobs: Jobs = 1,
+    ray: Ray = None,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Find scenarios in any number of recordings by the rules, without writing any of them.
+
+    Findings are rows of Parquet with the columns of a catalogue's index, in folders by site and
+    day, beside a table of the recordings with their exposure. The store may be on any file system
+    that pyarrow reaches, as s3://bucket/findings. 'xosc-list STORE --where "..."' asks it,
+    'xosc-recognize write STORE --where "..."' writes scenarios. The same command adds what is new.
+    """
+    from recognition.catalogue import findings
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.labels import Rules
+    from runner.batch.pool import Workers
+
+    settings = CatalogueSettings(
+        road=given.road, columns=given.columns, rules=Rules(signalised=signalised)
+    )
+    found = findings.find(
+        paths, out, settings, partial(progress_bar, quiet=quiet), Workers(jobs, ray)
+    )
+    if not quiet:
+        print(f"{'findings':>9}  class" if found.classes else "nothing new was found")
+        for name, count in sorted(found.classes.items(), key=lambda item: (-item[1], item[0])):
+            say(f"{count:9}  {name}")
+        before = f", {found.before:,} were in it" if found.before else ""
+        say(f"{many(found.read, 'recording')} added to {out}{before}")
+    _print_skipped(found.skipped, quiet)
+    for error in found.failures.values():
+        say(f"{NAME}: {error}", to=sys.stderr)
+    raise typer.Exit(max((error.exit_code for error in found.failures.values()), default=0))
+
+
+@protected("max_runs")
+@with_settings
+def write(
+    store: Annotated[
+        str,
+        READ,
+        typer.Argument(metavar="STORE", help="Findings: folder or URL of 'xosc-recognize find'."),
+    ],
+    out: Annotated[Path, out_folder("Folder of the catalogue.")],
+    form: ScenarioFormat,
+    where: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CONDITION",
+            help="Findings that meet this condition only, as "
+            "\"class = 'urban cut in' and gap < 9\".",
+        ),
+    ] = None,
+    jobs: Jobs = 1,
+    ray: Ray = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
+    ] = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Write a catalogue of those findings in a store that meet a condition.
+
+    Conditions are those of 'xosc-list --where'. Recordings are read again from where they were.
+    A catalogue of some findings has no exposure.
+    """
+    from recognition.catalogue import findings
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.catalogue.writing.write import CatalogueConfig
+    from runner.batch.pool import Workers
+
+    settings = CatalogueSettings(config=CatalogueConfig(version=form.version))
+    bar = partial(progress_bar, quiet=quiet)
+    summary = findings.write(store, out, where, settings, bar, Workers(jobs, ray))
+    code = _report(summary, verbose, quiet)
+    if not quiet and summary.classes:
+        say(f"catalogue: {out}")
     raise typer.Exit(code)
 
 
@@ -492,17 +606,18 @@ app = new_app(NAME, _CatalogueByDefault)
 
 @app.callback(epilog=_EPILOG)
 def xosc_recognize(_version: Version = False) -> None:
-    """Inspect recordings, make catalogues or replays of them, label runs, record
-    traffic, train models; each has --help.
-    """
+    """Inspect recordings, make catalogues or replays of them, find and write scenarios, label runs,
+    record traffic, train models; each has --help."""
 
 
 app.command(_DEFAULT, help=_CATALOGUE)(catalogue)
+app.command("find")(find)
 app.command("inspect")(inspect)
 app.command("label")(label)
 app.command("record")(record)
 app.command("replay")(replay)
 app.command("train")(train)
+app.command("write")(write)
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import xosc
 from recognition import recordings as datasets
 from recognition.catalogue import detect, recordings
-from recognition.catalogue.detect import Detection, Moment, by_rules
+from recognition.catalogue.detect import Detection, Episode, Moment, by_rules
 from recognition.catalogue.recordings import (
     Block,
     CatalogueSettings,
@@ -42,6 +42,7 @@ from runner.batch.pool import Workers, results
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.storage import digest
+from schemas.common.terminal.text import many
 from xosc.document import to_bytes
 from xosc.writing import tags
 from xosc.writing.tags import Tag
@@ -132,6 +133,9 @@ class Summary(NamedTuple):
     unplayable: dict[str, str]
 
 
+Selection = Mapping[str, frozenset[tuple[str, str]]]
+"""Folders and names of the scenarios that are wanted of each recording, by its name"""
+
 _EPISODES = 25
 """Scenarios of a recording that are written at a time"""
 _READ = 0.5
@@ -151,6 +155,7 @@ def build(
     recogniser: Callable[[], Recogniser] = ByRules,
     bar: Bar = _silent,
     workers: Workers = Workers(),  # noqa: B008 - immutable
+    selection: Selection | None = None,
 ) -> Summary:
     """Make a catalogue of the recordings in files and folders, with the same
     bytes for any number of workers.
@@ -163,6 +168,7 @@ def build(
         recogniser: recogniser factory, the rules by default; other processes read meanwhile.
         bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: processes that read, label and write the recordings.
+        selection: the scenarios to write; all, if None.
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
@@ -181,7 +187,9 @@ def build(
     settings = settings or CatalogueSettings()
     recordings.forget()  # another call in this process may be of other files with the same names
     sources = recordings.opened(tuple(paths), settings.road, settings.columns)
-    _refuse_twins(sources)
+    refuse_twins(sources)
+    if selection is not None:
+        sources = [source for source in sources if source.name in selection]
     _refuse_others(out, {source.name for source in sources})
     locations = [
         RecordingLocation(tuple(paths), source.name, out / _STORE, settings.road, settings.columns)
@@ -189,7 +197,7 @@ def build(
     ]
     # Reading begins in the workers while this process loads the recogniser (seconds for a model).
     with results(partial(recordings.read, settings), locations, workers) as found:
-        work = _CatalogueBuild(out, settings, recogniser(), workers)
+        work = _CatalogueBuild(out, settings, recogniser(), workers, selection)
         work.take(sources, found, bar)
     # Writing begins only now: which class an unknown moment has is known once all recordings were
     # seen.
@@ -203,7 +211,7 @@ def build(
     )
 
 
-def _refuse_twins(sources: Sequence[Source]) -> None:
+def refuse_twins(sources: Sequence[Source]) -> None:
     """Recordings are distinguished by name; those below one folder get names that differ."""
     first: dict[str, Source] = {}
     for source in sources:
@@ -233,8 +241,14 @@ class _CatalogueBuild:
     """One catalogue in the making."""
 
     def __init__(
-        self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers
+        self,
+        out: Path,
+        settings: CatalogueSettings,
+        recogniser: Recogniser,
+        workers: Workers,
+        selection: Selection | None,
     ) -> None:
+        self._selection = selection
         self.labelled: dict[str, LabelledRecording] = {}
         self._out, self._settings, self._recogniser, self._workers = (
             out,
@@ -242,7 +256,9 @@ class _CatalogueBuild:
             recogniser,
             workers,
         )
-        self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
+        self._catalogue = Catalogue(
+            out, settings.config, recogniser.sorted_by, selected=selection is not None
+        )
         self._store = RecordingStore(out / _STORE)
         self._failures: dict[str, ToolchainError] = {}
 
@@ -334,8 +350,22 @@ class _CatalogueBuild:
         episodes = recordings.episodes(
             self._settings, labelled, self._recogniser.moments(source.name)
         )
+        if self._selection is not None:
+            episodes = self._selected(source, episodes, self._selection[source.name])
         for start in range(0, len(episodes), _EPISODES):
             yield Block(labelled.placed, road, episodes[start : start + _EPISODES])
+
+    def _selected(
+        self, source: Source, episodes: list[Episode], wanted: frozenset[tuple[str, str]]
+    ) -> list[Episode]:
+        """The wanted episodes of a recording; an error names those that it has no more."""
+        kept = [one for one in episodes if (one.folder, one.name) in wanted]
+        lost = sorted(wanted - {(one.folder, one.name) for one in kept})
+        if lost:
+            what = f"{many(len(lost), 'finding')} of this recording, {lost[0][1]!r} first"
+            told = f"{what}, are not found any more: find them again, in a new store"
+            self._failures[source.name] = InvalidFile(told, path=source.path)
+        return kept
 
 
 def _repairs(report: Report) -> str:

@@ -33,6 +33,7 @@ from recognition.catalogue.writing.write import (
     CatalogWriter,
     Material,
     PendingCatalog,
+    facts_of,
 )
 from recognition.labels import LabelledEvent, Rules, label
 from recognition.labels.critical import with_critical
@@ -231,8 +232,7 @@ class RecordingLocation(NamedTuple):
     @property
     def source(self) -> Source:
         """Source that has the recording."""
-        sources = opened(self.paths, self.road, self.columns)
-        return next(source for source in sources if source.name == self.name)
+        return _by_name(self.paths, self.road, self.columns)[self.name]
 
 
 class PlacedRecording(NamedTuple):
@@ -300,6 +300,12 @@ def opened(
 
 
 @lru_cache(maxsize=1)
+def _by_name(paths: tuple[Path, ...], road: Path | None, columns: Path | None) -> dict[str, Source]:
+    """The recordings in files and folders by name: data sets have millions."""
+    return {source.name: source for source in opened(paths, road, columns)}
+
+
+@lru_cache(maxsize=1)
 def listed(paths: tuple[Path, ...], columns: Path | None = None) -> list[datasets.DataSet]:
     """The data sets in files and folders, listed once in each process."""
     return [datasets.open(path, columns=columns) for path in paths]
@@ -357,6 +363,43 @@ def inspected(source: Source) -> Inspection:
     return Inspection(source.name, source.format, verdict, 0.0 if refused else quality, reasons)
 
 
+class Findings(NamedTuple):
+    """Findings of a recording, without scenarios.
+
+    rows: of the index, with the columns `folder` and `name` of the scenario that each stands for.
+    """
+
+    source: Source
+    day: str
+    exposure: Mileage
+    rows: list[dict[str, Any]]
+
+
+def found_in(settings: CatalogueSettings, location: RecordingLocation) -> Findings | ToolchainError:
+    """Read a recording and return its findings by the rules; the error if it is unreadable."""
+    source = location.source
+    try:
+        with limited():
+            recording, site, events = looked(source, settings.rules)
+            assert source.report is not None, "the recording has been read"
+            exposure = _exposure(recording, site, settings.rules)
+            moments = detect.joined(map(detect.by_rules, events), settings.gap)
+            scope, quality = settings.config.scope, source.report.quality
+            material = Material(source, recording, site, scope, quality)
+            rows = facts_of(material, of_findings(source.name, moments, settings.around))
+    except _REFUSALS as error:
+        return _of(source, error)
+    return Findings(source, material.conditions.day, exposure._replace(quality=quality), rows)
+
+
+def _exposure(recording: Recording, site: Site, rules: Rules) -> Mileage:
+    """Exposure of a recording; ramps are blocked where roles of lanes are in doubt."""
+    exposure = exposure_of(recording, rules)
+    if site.roles.doubts:
+        exposure = exposure._replace(blocked=frozenset(one.title for one in BY_ROLE))
+    return exposure
+
+
 def read(
     settings: CatalogueSettings, location: RecordingLocation
 ) -> LabelledRecording | ToolchainError:
@@ -379,12 +422,8 @@ def read(
             egos, exclusions = (
                 detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
             )
-            placed, exposure = (
-                PlacedRecording(location, site.path, site.roles, report.quality),
-                exposure_of(recording, settings.rules),
-            )
-            if site.roles.doubts:
-                exposure = exposure._replace(blocked=frozenset(one.title for one in BY_ROLE))
+            placed = PlacedRecording(location, site.path, site.roles, report.quality)
+            exposure = _exposure(recording, site, settings.rules)
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:
@@ -444,6 +483,7 @@ def _material(placed: PlacedRecording, scope: Scope) -> Material:
 def forget() -> None:
     """Clear the cache of opened sources: other files may have the same names."""
     opened.cache_clear()
+    _by_name.cache_clear()
     listed.cache_clear()
     recorded.cache_clear()
     _material.cache_clear()

@@ -1,5 +1,5 @@
 """Conditions of the operational design domain in which a recording was made: weather, daylight,
-surface, speed limit.
+surface, speed limit, day.
 
 Formats state them as far as their data do; an `odd.toml` beside a recording, or in one of the two
 folders above, states more::
@@ -8,6 +8,7 @@ folders above, states more::
     daylight = "night"             # day, twilight, night
     surface = "wet"                # dry, wet, standing water, flooded, snow, icy, contaminated
     limit = 13.9                   # m/s, where the map has none
+    day = 2018-05-02               # without it that in the name of file or folder, if any
     [recordings."01"]              # by name, before the others
     weather = "clear"
 
@@ -21,6 +22,8 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,7 +53,8 @@ SURFACE = {
 }
 """Values, and classes of OpenLABEL's ontology; empty where it has none"""
 _CLASSES = {"weather": WEATHER, "daylight": DAYLIGHT, "surface": SURFACE}
-_FILE, _LIMIT, _RECORDINGS = "odd.toml", "limit", "recordings"
+_FILE, _LIMIT, _DAY, _RECORDINGS = "odd.toml", "limit", "day", "recordings"
+_DATE = re.compile(r"(?<!\d)(\d{4}-\d{2}-\d{2})(?!\d)")
 _LEVELS = 3
 """Number of folders, that of the recording first, that are searched for the file"""
 _FASTEST = 100.0
@@ -63,16 +67,18 @@ class OddConditions(NamedTuple):
     Attributes:
         weather, daylight, surface: keys of `WEATHER`, `DAYLIGHT`, `SURFACE`.
         limit: speed limit where the map has none, m/s; None where nothing is stated.
+        day: of the recording, as `2018-05-02`.
     """
 
     weather: str = UNKNOWN
     daylight: str = UNKNOWN
     surface: str = UNKNOWN
     limit: float | None = None
+    day: str = UNKNOWN
 
     def columns(self) -> dict[str, str]:
         """The values by column of an index."""
-        return {name: getattr(self, name) for name in _CLASSES}
+        return {name: getattr(self, name) for name in (*_CLASSES, _DAY)}
 
     def classes(self) -> list[str]:
         """Classes of OpenLABEL's ontology that the values have."""
@@ -92,6 +98,8 @@ def conditions_of(path: Path, name: str, stated: OddConditions) -> OddConditions
     Raises:
         InvalidFile: the file is malformed, or states what is not known; names key and choices.
     """
+    if stated.day == UNKNOWN:
+        stated = stated._replace(day=_day_in(f"{path.parent.name}/{path.name}/{name}"))
     folders = list(path.absolute().parents)[:_LEVELS]
     file = next((one for folder in folders if (one := folder / _FILE).is_file()), None)
     if file is None:
@@ -106,7 +114,21 @@ def conditions_of(path: Path, name: str, stated: OddConditions) -> OddConditions
         raise InvalidFile(f'[{_RECORDINGS}."NAME"] is a table for each recording', path=file)
     for table in tables:
         _check(table, file)
-    return stated._replace(**found)._replace(**named.get(name, {}))
+    made = stated._replace(**found)._replace(**named.get(name, {}))
+    return made._replace(day=str(made.day))
+
+
+def _day_in(text: str) -> str:
+    """Return the first date in a text; `UNKNOWN` without one."""
+    for match in _DATE.finditer(text):
+        with suppress(ValueError):
+            return str(date.fromisoformat(match[1]))
+    return UNKNOWN
+
+
+def _is_date(value: Any) -> bool:
+    """Whether a value of TOML is a date, or the text of one; a time of day is neither."""
+    return type(value) is date or (isinstance(value, str) and _day_in(value) == value)
 
 
 def _check(table: Mapping[str, Any], file: Path) -> None:
@@ -117,8 +139,11 @@ def _check(table: Mapping[str, Any], file: Path) -> None:
                 raise InvalidFile(
                     f"{key}: {value!r} is no speed of 0 to {_FASTEST:g} m/s", path=file
                 )
+        elif key == _DAY:
+            if value != UNKNOWN and not _is_date(value):
+                raise InvalidFile(f"{key}: {value} is no date as 2018-05-02", path=file)
         elif key not in _CLASSES:
-            raise InvalidFile(f"{key!r}: {nearest(key, [*_CLASSES, _LIMIT])}", path=file)
+            raise InvalidFile(f"{key!r}: {nearest(key, [*_CLASSES, _LIMIT, _DAY])}", path=file)
         elif value != UNKNOWN and value not in _CLASSES[key]:
             choices = ", ".join([*_CLASSES[key], UNKNOWN])
             raise InvalidFile(f"{key}: {value!r} is none of {choices}", path=file)

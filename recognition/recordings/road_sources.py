@@ -4,9 +4,10 @@ Lanelet2 maps."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import pickle
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import xodr
 from recognition.recordings.source import SiteRoad
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
-from schemas.common.errors import UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import scratch
-from schemas.common.storage import digest, keep, writing
+from schemas.common.storage import digest, keep, read_object, write_object, writing
 from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, line
 from xodr.model.geometry import Cubic
 
@@ -51,13 +53,42 @@ def _converted(
 ) -> SiteRoad:
     from xodr.formats.lanelet2 import convert
 
-    target = folder / f"{osm.stem}-{digest(osm.read_bytes() + repr(origin).encode())}.xodr"
-    with scratch("xosc-roads-") as drafts:
-        made = convert(osm, origin, drafts / target.name)
-        return SiteRoad(
-            keep(made.path.read_bytes(), target),
-            notes=tuple(f"{osm.name}: {note}" for note in made.notes),
-        )
+    key = digest(osm.read_bytes() + repr(origin).encode())
+
+    def make() -> SiteRoad:
+        with scratch("xosc-roads-") as drafts:
+            made = convert(osm, origin, drafts / "road.xodr")
+            path = keep(made.path.read_bytes(), folder / f"{osm.stem}-{key}.xodr")
+        return SiteRoad(path, notes=tuple(f"{osm.name}: {note}" for note in made.notes))
+
+    return _kept(f"{osm.name}-{key}", folder, make)
+
+
+def _kept(name: str, folder: Path, make: Callable[[], SiteRoad]) -> SiteRoad:
+    """A road that was made before by the same code, in this process or another one; else made now.
+
+    Args:
+        name: changes with all that the road is made from.
+    """
+    record = folder / f"{name}-{_code()}.json"
+    try:
+        about = read_object(record)
+        path = folder / str(about["road"])
+        if digest(path.read_bytes()) == about["digest"]:
+            return SiteRoad(path, frozenset(about["lights"]), notes=tuple(about["notes"]))
+    except (InvalidFile, KeyError, OSError, TypeError):
+        pass  # not there, or damaged: the road is made again
+    made = make()
+    about = {"road": made.path.name, "digest": digest(made.path.read_bytes())}
+    write_object(about | {"lights": sorted(made.lights), "notes": list(made.notes)}, record)
+    return made
+
+
+@cache
+def _code() -> str:
+    """Digest of the code that makes roads."""
+    parts = (Path(__file__), *sorted(Path(str(xodr.__file__)).parent.rglob("*.py")))
+    return digest(b"".join(part.read_bytes() for part in parts))
 
 
 def drawn(
@@ -76,11 +107,16 @@ def drawn(
     """
     from xodr.formats.lanelet2 import write
 
-    with scratch("xosc-roads-") as drafts:
-        made = write(lanelets, site, drafts / "road.xodr", crosswalks)
-        path = keep_road(made.path.read_bytes(), site, folder)
-    lit = frozenset(made.lanelets[one.id][0] for one in lanelets if one.lights)
-    return SiteRoad(path, lit, notes=(*notes, *made.notes))
+    def make() -> SiteRoad:
+        with scratch("xosc-roads-") as drafts:
+            made = write(lanelets, site, drafts / "road.xodr", crosswalks)
+            path = keep_road(made.path.read_bytes(), site, folder)
+        lit = frozenset(made.lanelets[one.id][0] for one in lanelets if one.lights)
+        return SiteRoad(path, lit, notes=(*notes, *made.notes))
+
+    # Only the digest of the pickled lanelets is kept; nothing is ever unpickled.
+    key = digest(pickle.dumps((lanelets, site, crosswalks, notes)))
+    return _kept(key, folder, make)
 
 
 ROAD_ID = "1"

@@ -7,6 +7,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 import secrets
 import stat
 import struct
@@ -19,10 +20,12 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from schemas.common.errors import InvalidFile, NotWritten, UsageError, similar
+from schemas.common.errors import reason as reason_of
 from schemas.common.policy import current
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -327,6 +330,132 @@ def _check_expansion(size: int, limit: int, path: Path) -> None:
             f"the table expands to {size} bytes, at most {limit} are read of a file of this size",
             path=path,
         )
+
+
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
+
+
+def is_url(place: str | PathLike[str]) -> bool:
+    """Whether a place is a URL, as `s3://bucket/folder`; a drive of Windows is none."""
+    return _URL.match(str(place)) is not None
+
+
+@contextmanager
+def _reached(what: str, place: str) -> Iterator[None]:
+    """Context manager that makes errors of a file system into ones that name the place.
+
+    Raises:
+        NotWritten: it can't be read or written.
+    """
+    import pyarrow as pa
+
+    try:
+        yield
+    except (OSError, pa.ArrowException) as error:
+        raise NotWritten(f"{what}: {reason_of(error)}", path=place) from None
+
+
+class FileSystemPath(NamedTuple):
+    """A folder on any file system that pyarrow reaches.
+
+    Attributes:
+        place: folder or URL, as given.
+        system: file system.
+        root: the folder in it.
+    """
+
+    place: str
+    system: Any
+    root: str
+
+    @classmethod
+    def of(cls, place: str) -> FileSystemPath:
+        """Return the folder that a path or a URL names.
+
+        Raises:
+            UsageError: no file system has such a URL, or --untrusted.
+        """
+        import pyarrow as pa
+        from pyarrow import fs
+
+        if not is_url(place):
+            return cls(place, fs.LocalFileSystem(), os.path.abspath(place))
+        if current().untrusted:
+            raise UsageError("--untrusted reaches no other machine; give a folder", path=place)
+        try:
+            system, root = fs.FileSystem.from_uri(place)
+        except (OSError, ValueError, TypeError, pa.ArrowException) as error:
+            told = f"no file system has this URL (file, s3, gs, abfs, hdfs): {reason_of(error)}"
+            raise UsageError(told, path=place) from None
+        return cls(place, system, root)
+
+    def read(self, name: str) -> bytes | None:
+        """Content of a file; None where there is none."""
+        from pyarrow import fs
+
+        with _reached("this can't be read", self.place):
+            if self.system.get_file_info(f"{self.root}/{name}").type != fs.FileType.File:
+                return None
+            with self.system.open_input_stream(f"{self.root}/{name}") as file:
+                return bytes(file.read())
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file, whole or not at all.
+
+        Raises:
+            NotWritten: it can't be written.
+        """
+        from pyarrow import fs
+
+        path = f"{self.root}/{name}"
+        if isinstance(self.system, fs.LocalFileSystem):
+            with writing("this", Path(path)):
+                keep(content, Path(path))
+            return
+        with _reached("this can't be written", self.place):
+            self.system.create_dir(path.rpartition("/")[0], recursive=True)
+            with self.system.open_output_stream(path) as file:
+                file.write(content)
+
+    def files(self, folder: str) -> list[str]:
+        """Names of all files below a folder, relative to the root, in order."""
+        from pyarrow import fs
+
+        chosen = fs.FileSelector(f"{self.root}/{folder}", allow_not_found=True, recursive=True)
+        with _reached("this can't be read", self.place):
+            found = self.system.get_file_info(chosen)
+        names = [one.path for one in found if one.type == fs.FileType.File]
+        return sorted(name.removeprefix(self.root).lstrip("/") for name in names)
+
+    def remove(self, name: str) -> None:
+        """Remove a file."""
+        with _reached("this can't be removed", self.place):
+            self.system.delete_file(f"{self.root}/{name}")
+
+    def dataset(self, folder: str, partitions: Sequence[str] = ()) -> ds.Dataset:
+        """Return the Parquet files below a folder as one table, which is read when it is asked.
+
+        Args:
+            partitions: columns of texts in the names of folders, `name=value`.
+
+        Raises:
+            InvalidFile: a file is not readable.
+        """
+        import pyarrow as pa
+        import pyarrow.dataset as ds
+
+        parts = ds.partitioning(
+            pa.schema([(name, pa.string()) for name in partitions]), None, "hive"
+        )
+        names = [f"{self.root}/{name}" for name in self.files(folder) if name.endswith(".parquet")]
+        try:
+            return ds.dataset(
+                names, None, "parquet", self.system, parts, partition_base_dir=self.root
+            )
+        except (OSError, ValueError, TypeError, pa.ArrowException) as error:
+            raise InvalidFile(
+                f"not readable as Parquet: {reason_of(error)}", path=self.place
+            ) from None
 
 
 def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[Path]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from schemas.catalogs import locate
 from schemas.common.errors import InvalidFile, UsageError, nearest, reason
-from schemas.common.storage import read_bytes, read_object, read_parquet
+from schemas.common.storage import FileSystemPath, is_url, read_bytes, read_object, read_parquet
 from schemas.common.terminal.text import csv_text
 from xosc.document import load
 from xosc.document.road_files import find_roads, logic_file
@@ -19,6 +19,8 @@ from xosc.exports.draft import Folder
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.compute as pc
+    import pyarrow.dataset as ds
 
     from xosc.listing import Listed
 
@@ -26,14 +28,23 @@ INDEX = "index.parquet"
 """Typed index in the folder of a catalogue"""
 RUNS, EPISODES, SETS = "runs.parquet", "episodes.parquet", "sets.parquet"
 """Tables of a batch, of a search, and of parameter sets that were played in arrays"""
+FINDINGS, FINDINGS_FILE = "findings", "findings.json"
+"""Folder with the findings of recordings, partitioned by site and day, and file beside it"""
 _SHOWN = {
     INDEX: ("file", "class"),
     RUNS: ("name", "state", "end_time"),
     EPISODES: ("part", "status", "collision"),
     SETS: ("name", "verdict"),
+    FINDINGS: ("recording", "time", "class"),
 }
 """Columns of text besides those that a question names"""
-_NOUNS = {INDEX: "scenario", RUNS: "run", EPISODES: "episode", SETS: "parameter set"}
+_NOUNS = {
+    INDEX: "scenario",
+    RUNS: "run",
+    EPISODES: "episode",
+    SETS: "parameter set",
+    FINDINGS: "finding",
+}
 _MOST_SHOWN = 6
 """Columns of text of a table that no command has written"""
 _RESULT = "result.json"
@@ -48,11 +59,13 @@ class Index(NamedTuple):
         root: folder of the catalogue, batch or search; of the first where several are joined.
         table: their rows.
         name: of the table's file, which says its kind.
+        whole: all rows, where the table has only those that meet a condition.
     """
 
     root: Path
     table: pa.Table
     name: str = INDEX
+    whole: ds.Dataset | None = None
 
     @property
     def noun(self) -> str:
@@ -79,10 +92,29 @@ class Index(NamedTuple):
             raise UsageError(f"{option} is for catalogues, these are {self.noun}s", path=self.root)
 
 
+def findings(place: str | os.PathLike[str]) -> ds.Dataset | None:
+    """Return the findings in a folder or at a URL, which are read when they are asked; None for
+    anything else.
+
+    Raises:
+        NotWritten: the URL can't be reached.
+        InvalidFile: they are not readable.
+    """
+    local = not is_url(place)
+    if local and not (Path(place) / FINDINGS_FILE).is_file():
+        return None
+    store = FileSystemPath.of(str(place))
+    if not local and store.read(FINDINGS_FILE) is None:
+        return None
+    return store.dataset(FINDINGS, ("site", "day"))
+
+
 def table_of(path: str | os.PathLike[str]) -> Path | None:
     """Return the table of a folder, or a table itself; None for anything else. A run's is that of
     its batch."""
     folder = Path(path)
+    if is_url(path) or (folder / FINDINGS_FILE).is_file():
+        return folder / FINDINGS
     if folder.suffix == ".parquet" and folder.is_file():
         return folder
     for name in _SHOWN:
@@ -93,11 +125,16 @@ def table_of(path: str | os.PathLike[str]) -> Path | None:
     return None
 
 
-def read_index(path: str | os.PathLike[str]) -> Index:
-    """Return the rows of a catalogue, batch, run or search.
+def read_index(
+    path: str | os.PathLike[str],
+    condition: Callable[[pa.Schema], pc.Expression | None] = lambda _: None,
+) -> Index:
+    """Return the rows of a catalogue, batch, run or search, or findings of recordings.
 
     Args:
-        path: its folder, or its table.
+        path: its folder, or its table; of findings also a URL.
+        condition: given the columns of findings, the condition on rows that are wanted. There may
+            be more findings than memory takes; of other tables all rows are returned.
 
     Raises:
         UsageError: the path has no table.
@@ -106,17 +143,19 @@ def read_index(path: str | os.PathLike[str]) -> Index:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    file = table_of(path)
+    found = findings(path)
+    if found is not None:
+        wanted = condition(found.schema)
+        rows = _readable(lambda: found.to_table(filter=wanted), path)
+        return Index(Path(path), rows, FINDINGS, found if wanted is not None else None)
+    file = table_of(path) if not is_url(path) else None
     if file is None:
         told = (
-            f"questions are to catalogues ({INDEX}), batches and runs ({RUNS}) and searches "
-            f"({EPISODES}); there is none"
+            f"questions are to catalogues ({INDEX}), batches and runs ({RUNS}), searches "
+            f"({EPISODES}) and findings ({FINDINGS_FILE}); there is none"
         )
         raise UsageError(told, path=path)
-    try:
-        table = read_parquet(file)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InvalidFile(f"not readable as Parquet: {reason(error)}", path=file) from None
+    table = _readable(lambda: read_parquet(file), file)
     names = table.column_names
     if file.name == INDEX and (
         "file" not in names or not pa.types.is_string(table.schema.field("file").type)
@@ -128,19 +167,35 @@ def read_index(path: str | os.PathLike[str]) -> Index:
     return Index(file.parent, _flat(table), file.name)
 
 
-def read_all(paths: Sequence[str]) -> Index:
-    """Return the rows of several folders, each with its folder in the column `batch`; errors as of
-    `read_index`.
+def _readable(read: Callable[[], pa.Table], path: str | os.PathLike[str]) -> pa.Table:
+    """A table that is read.
+
+    Raises:
+        InvalidFile: it is not readable.
+    """
+    import pyarrow as pa
+
+    try:
+        return read()
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InvalidFile(f"not readable as Parquet: {reason(error)}", path=path) from None
+
+
+def read_all(
+    paths: Sequence[str], condition: Callable[[pa.Schema], pc.Expression | None] = lambda _: None
+) -> Index:
+    """Return the rows of several folders, each with its folder in the column `batch`; condition and
+    errors as of `read_index`.
 
     Raises:
         UsageError: they are of different kinds.
     """
     import pyarrow as pa
 
+    if len(paths) == 1:
+        return read_index(paths[0], condition)
     found = [read_index(path) for path in paths]
-    first, *others = found
-    if not others:
-        return first
+    first, *_ = found
     for path, part in zip(paths, found, strict=True):
         if part.name != first.name:
             told = (

@@ -23,6 +23,9 @@ from schemas.common.terminal.files import complete_name
 from schemas.common.terminal.options import READ, WRITTEN, completed
 
 if TYPE_CHECKING:
+    from pyarrow import Schema
+    from pyarrow.compute import Expression
+
     from xosc.exports.draft import Folder
     from xosc.listing.tables import Index
     from xosc.writing.tags import Tag
@@ -201,7 +204,10 @@ def _asked(
     from xosc.listing import questions, tables
     from xosc.listing.tables import copy_rows
 
-    index = tables.read_all(paths)
+    def wanted(schema: Schema) -> Expression | None:
+        return questions.condition(where, schema).expression if where is not None else None
+
+    index = tables.read_all(paths, wanted)
     for option, given in (("--distinct", distinct), ("--like", like), ("--copy-to", folder)):
         if given:
             index.need_catalogue(option)
@@ -210,7 +216,8 @@ def _asked(
     if where is not None:
         question = questions.condition(where, table.schema)
         rows, shown = table.filter(question.expression), [*shown, *question.columns]
-        if not len(rows) and (hint := question.missing(table)):
+        whole = table if index.whole is None else index.whole.to_table(columns=question.columns)
+        if not len(rows) and (hint := question.missing(whole)):
             say(f"xosc-list: {hint}", to=sys.stderr)
         table = rows
     if sort or like is None:

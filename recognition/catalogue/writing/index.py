@@ -55,6 +55,7 @@ COLUMNS: dict[str, type] = {
     "weather": str,
     "daylight": str,
     "surface": str,
+    "day": str,
     "ego_speed": float,
     "partner_speed": float,
     "closing_speed": float,
@@ -88,7 +89,7 @@ alone`, `model alone` or `measures`. severity: of the critical moment, from 0 to
 measures (critical) and other participants (others). why: conditions with values, lanes before and
 after. partial: recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time.
 light: recorded state then of the traffic light that the ego passes, in the words of the data set.
-weather, daylight, surface: of the recording, `unknown` where nothing states them
+weather, daylight, surface, day: of the recording, `unknown` where nothing states them
 (`recognition.recordings.conditions`).
 Speeds and closing speed (m/s) and gap along the road (m) of ego and partner at that time. Least THW
 and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time, blank where their boxes
@@ -165,10 +166,14 @@ class Catalogue:
     """A catalogue in a folder: roads first, then what `CatalogWriter` wrote of each recording, in
     any number.
 
-    Args and errors are those of `CatalogWriter`.
+    Args and errors are those of `CatalogWriter`; selected: whether it has some findings only, and
+    so no exposure.
     """
 
-    def __init__(self, root: Path, config: CatalogueConfig, sorted_by: str) -> None:
+    def __init__(
+        self, root: Path, config: CatalogueConfig, sorted_by: str, selected: bool = False
+    ) -> None:
+        self._selected = selected
         self.store = Store(root)
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
@@ -276,9 +281,11 @@ class Catalogue:
         self.store.write(FILE, as_json(rows, more))
         self.store.write("index.csv", as_csv(rows))
         self.store.write("index.parquet", as_parquet(rows))
-        found = rates(rows, self._exposures)
-        self.store.write("exposure.csv", as_csv(found, exposure.COLUMNS))
-        self.store.write("exposure.parquet", as_parquet(found, exposure.COLUMNS))
+        # Some of the events in all of the time would give rates of nothing.
+        found = [] if self._selected else rates(rows, self._exposures)
+        if not self._selected:
+            self.store.write("exposure.csv", as_csv(found, exposure.COLUMNS))
+            self.store.write("exposure.parquet", as_parquet(found, exposure.COLUMNS))
         self.store.write(
             "index.html", catalogue_page(rows, self._films, self._lanes, found).encode()
         )

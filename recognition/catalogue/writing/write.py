@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.detect import Detection, Episode, plain
+from recognition.catalogue.detect import RULES, Detection, Episode, plain
 from recognition.catalogue.writing import replay, storyboard
 from recognition.catalogue.writing.page import Film, film
 from recognition.catalogue.writing.played import Trial
@@ -270,13 +270,7 @@ class CatalogWriter:
     def add(self, material: Material, road: str, episodes: Iterable[Episode]) -> None:
         """Write the scenarios of a recording on the catalogue's road file of this name."""
         for episode in episodes:
-            involved = (
-                None
-                if episode.passage is not None or episode.finding is None
-                else [episode.finding.moment.partner or ""]
-            )
-            scene = material.scenes.cut(episode.ego, episode.start, episode.end, involved)
-            self._write(_Context(material, road, episode, scene))
+            self._write(_context(material, road, episode))
             # Trajectories belong to one scene: their catalogue is written with it, and does not
             # wait in memory.
             for place in sorted(
@@ -452,6 +446,27 @@ class _Context(NamedTuple):
         return next(
             (part.name for part in parts if part.track is track and part.name != EGO), "Other"
         )
+
+
+def _context(material: Material, road: str, episode: Episode) -> _Context:
+    """An episode with its scene, cut from the recording."""
+    involved = (
+        None
+        if episode.passage is not None or episode.finding is None
+        else [episode.finding.moment.partner or ""]
+    )
+    scene = material.scenes.cut(episode.ego, episode.start, episode.end, involved)
+    return _Context(material, road, episode, scene)
+
+
+def facts_of(material: Material, episodes: Iterable[Episode]) -> list[dict[str, Any]]:
+    """Rows of episodes that rules have found, as those of an index, without writing any file; with
+    folder and name that their scenarios would have."""
+    return [
+        {"folder": episode.folder, "name": episode.name}
+        | _facts(_context(material, "", episode), RULES)
+        for episode in episodes
+    ]
 
 
 def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:

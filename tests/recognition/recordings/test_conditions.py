@@ -129,12 +129,32 @@ def test_a_file_beside_recordings_states_what_their_data_do_not(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
+    ("folder", "text", "day"),
+    [
+        ("site_2018-05-02", "", "2018-05-02"),
+        ("site_2018-05-02", "day = 2019-01-01", "2019-01-01"),
+        ("site", 'day = "2019-01-01"', "2019-01-01"),
+        ("site_2018-13-02", "", "unknown"),
+        ("site_12018-05-021", "", "unknown"),
+    ],
+)
+def test_the_day_is_stated_or_in_a_name(folder: str, text: str, day: str, tmp_path: Path) -> None:
+    write_highd(tmp_path / folder, [CAR])
+    (tmp_path / folder / "odd.toml").write_text(text)
+    (source,) = datasets.open(tmp_path).sources
+    assert source.conditions().day == day
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ('weather = "wet"', "none of clear, cloudy, rain"),
         ('wheather = "rain"', "weather"),
         ("limit = -3", "no speed of 0 to 100 m/s"),
         ("limit = true", "no speed"),
+        ('day = "2020-02-30"', "day: 2020-02-30 is no date as 2018-05-02"),
+        ("day = 2020-02-28T12:00:00", "no date"),
+        ("day = 3", "no date"),
         ('recordings = "all"', "a table for each recording"),
         ('[recordings.a]\ndaylight = "noon"', "none of day, twilight, night"),
         ("weather", "no TOML"),
