@@ -1,12 +1,12 @@
 """Time and memory to find scenarios in many recordings, and to make catalogues of them.
 
     python benchmarks/many_recordings.py [--counts 200 500 1000 2000] [--command find|catalogue]
-    [--cold]
+    [--cold RECORDING]
 
 Recordings of a motorway, 9 s at 10 Hz with 20 vehicles, are made first, each with its own traffic
-and on one of ten days. Each count is a process of its own with an empty cache; printed are its processor
-time and greatest memory, in all and for each recording. With --cold instead the first recording
-of a Lanelet2 map is read by a process with an empty cache and by one that has the converted map.
+and on one of ten days. Each count is a process of its own with an empty cache; printed are its
+processor time and greatest memory, in all and for each recording. With --cold instead a recording
+with a Lanelet2 map is read by a process with an empty cache and by one that has the converted map.
 """
 
 from __future__ import annotations
