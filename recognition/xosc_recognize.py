@@ -75,7 +75,7 @@ class Sorting:
 
 @dataclass(frozen=True)
 class RecordingOptions:
-    """What recordings lack: options of all commands that read them.
+    """Road and columns of recordings: options of all commands that read them.
 
     Attributes:
         road: the OpenDRIVE file of all recordings; None for what they have.
