@@ -140,6 +140,7 @@ def write_assessment(out: Path, name: str, settings: RunSettings) -> tuple[Path,
 
 def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> RunRow:
     given = dict(run["parameters"])
+    # Variations are named by users: a parameter and the scenario's name tell the test as well.
     stems = (Path(run["file"]).stem, given.get(_IDENTITY, ""), Path(run["scenario"]).stem)
     test = next((found for stem in stems if (found := _test(protocol, stem)) is not None), None)
     drive = AssessedRun(
@@ -154,6 +155,7 @@ def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> RunR
         )
     point = test.point(drive)
     if run["state"] in ("error", "inconclusive"):
+        # Without the path: it differs between machines, and the page should not.
         said = str(run["message"]).replace(f"{run['scenario']}:", "line ")
         return RunRow(run, test, drive, Judgement(None, f"{run['state']}: {said}"), point)
     judgement = test.criterion.judge(drive)
@@ -177,6 +179,7 @@ def _declared(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, s
     holder = xosc.load(scenario).node.find("ParameterDeclarations")
     declared = holder.children("ParameterDeclaration") if holder is not None else []
     known = {node.get("name") for node in declared}
+    # Values of a distribution may name parameters that the scenario lacks.
     assigned = {name: Assignment(value, UsageError, True) for name, value in given if name in known}
     return {
         parameter.name: parameter.text
@@ -219,6 +222,7 @@ def _contact(run: Mapping[str, Any], out: Path) -> FirstContact | None:
         rows = read_parquet(path, ("time", "entity", "speed")).to_pylist()
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidFile(f"the results of a run can't be read: {error}", path=path) from None
+    # The impact may lie between two rows: the nearest one counts.
     own = min(
         (row for row in rows if row["entity"] == ego), key=lambda row: abs(row["time"] - time)
     )["speed"]
@@ -229,6 +233,7 @@ def _total(test: ProtocolTest, rows: Sequence[RunRow]) -> Total:
     scores: dict[tuple[float, ...], float | None] = {}
     for row in rows:
         if row.point is not None:
+            # Repeated points count once, by the worst run, and not at all where one is open.
             found = [row.judgement.score, *([scores[row.point]] if row.point in scores else [])]
             scores[row.point] = (
                 None if None in found else min(score for score in found if score is not None)
@@ -360,6 +365,7 @@ def _summary(total: Total) -> dict[str, Any]:
 def _trace(rows: Sequence[RunRow], out: Path) -> dict[str, str]:
     """Tool, system under test and settings; the system's parameters are those that runs state."""
     results = (out / row.run["name"] / RESULT for row in rows if row.run["state"] != "error")
+    # Runs state the parameters as they were in force, the batch only those that were given.
     first = next((read_object(path) for path in results if path.is_file()), {})
     settings = read_object(out / "batch.json")
     stated = first.get("sut_parameters") or split(str(settings.get("sut")))[1]

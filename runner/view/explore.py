@@ -175,7 +175,9 @@ def _varied(space: ParameterSpace) -> dict[str, list[str]]:
         return {}
     count = min(space.size, _LOOKED_AT)
     sets = [
-        (space.variation(n) if count == space.size else space.draw(n, 0))[1] for n in range(count)
+        # All sets of a small space, draws of a large one.
+        (space.variation(n) if count == space.size else space.draw(n, 0))[1]
+        for n in range(count)
     ]
     return {name: list(dict.fromkeys(each[name] for each in sets)) for name in sets[0]}
 
@@ -196,11 +198,13 @@ def _parameter(declared: ListedParameter, value: str, varied: Sequence[str]) -> 
     if len(set(bounds)) < 2:
         bounds = _bounds(declared)
     if len(set(bounds)) > 1:
+        # The value at the beginning lies within, whatever the sets say.
         return ExploredParameter(name, kind, value, min(*bounds, number), max(*bounds, number))
     low, high = sorted((number * (1 - _AROUND), number * (1 + _AROUND)))
     if low == high:
         high = low + _FROM_ZERO
     if kind == WHOLE:
+        # Outwards, so that both ends are whole and the value stays within.
         low, high = math.floor(low), math.ceil(high)
     return ExploredParameter(name, kind, value, low, high, limited=False)
 
@@ -293,6 +297,7 @@ def border(parameter: ExploredParameter, judge: Callable[[Sequence[str]], Sequen
         raise UsageError(f"{parameter.name} is no number: a bisection needs one")
     scan = sorted({*parameter.spread(_SCANNED), parameter.text(at)}, key=float)
     known = dict(zip(scan, judge(scan), strict=True))
+    # Errors and inconclusive runs count as not failed: a border is one of verdicts.
     pairs = [
         pair for pair in pairwise(scan) if (known[pair[0]] == FAILED) != (known[pair[1]] == FAILED)
     ]
@@ -309,6 +314,7 @@ def border(parameter: ExploredParameter, judge: Callable[[Sequence[str]], Sequen
                 low = middle
             else:
                 high = middle
+        # The side that does not fail comes first, whichever of them is lower.
         edge = (high, low) if known[low] == FAILED else (low, high)
     points = sorted(known.items(), key=lambda point: float(point[0]))
     return Border(points, edge, len(pairs))
@@ -359,11 +365,14 @@ class _Projector:
                     for each in request.settings
                 ]
                 roads = tuple(_road(result) for result in results)
+                # Small changes of a parameter keep roads and origin: these need not be sent again.
                 if self.around is None or roads != self.roads or not self.around.hold(results):
                     self.around, self.roads = SceneArea.of(results), roads
                     self.number += 1
+                    # With the process: after a crash another one would count from 1 again.
                     self.mark = f"{multiprocessing.current_process().pid}-{self.number}"
                 scene: dict[str, Any] = {"runs": runs_of_scene(results, self.around)}
+                # The page keeps the roads it was sent: they are sent again only where they differ.
                 if request.ground != self.mark:
                     scene["roads"] = roads_of(results, self.around)
         except Superseded:
@@ -390,6 +399,7 @@ def _project(connection: Any, policy: CommandPolicy, start: str) -> None:
     with suppress(EOFError, OSError):
         while True:
             number, request = connection.recv()
+            # A newer request waits already: this one's answer would be thrown away.
             if connection.poll():
                 continue
             with suppress(Superseded):
@@ -424,6 +434,7 @@ class FilmProcess:
             with suppress(OSError):  # it has died: the reader says so
                 self._connection.send((number, request))
             self._changed.notify_all()
+            # The end of the process and a newer request wake it, too.
             self._changed.wait_for(
                 lambda: (
                     number in self._answers or number < self._number or process is not self._process
@@ -461,10 +472,12 @@ class FilmProcess:
             while True:
                 number, answer = connection.recv()
                 with self._changed:
+                    # Answers to older requests have nobody who waits for them.
                     if number == self._number:
                         self._answers[number] = answer
                     self._changed.notify_all()
         with self._changed:
+            # Another one may have been started meanwhile.
             if self._process is process:
                 self._process = None
             self._changed.notify_all()

@@ -78,10 +78,12 @@ class Pairwise:
                 self.sets[job.job.source] += 1
                 yield job
                 continue
+            # Pairs are those of one file: values of others decide nothing.
             if job.source != source:
                 source = job.source
                 met.clear()
             self.sets[source] += 1
+            # With replacement: a value by itself is a pair, too.
             pairs = set(combinations_with_replacement(job.parameters.items(), 2))
             if self.sets[source] <= ALL or not pairs <= met:
                 met |= pairs
@@ -95,12 +97,14 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
         count += 1
         first = first or outcome.job
         if outcome.exit_code:
+            # One traceback tells the defect: sets of a file mostly fail alike.
             failures.append(replace(outcome, trace="" if failures else outcome.trace))
         remarks |= dict.fromkeys(outcome.remarks)
     assert first is not None
     varied = first.source != first.scenario
     name = first.name.rpartition("~")[0] or first.name if varied else first.name
     job = Job(name, first.source, first.scenario)
+    # Sets without a new pair were never worked out: their number is that of the file.
     every = sets[first.source]
     pairwise = f", {count} of them rehearsed: every two values that meet" if count < every else ""
     if not failures:
@@ -217,6 +221,7 @@ def _triaged(
     levels = Counter(problem.level for problem in problems)
     kind, group, told, repairs = _loaded(path, settings)
     first = next((problem for problem in problems if problem.level == "error"), None)
+    # The rules are stricter than loading: what breaks one plays with a repair.
     if group == FINE and first is not None:
         group, told = REPAIRED, str(first)
     found = _PLACE.match(told)
@@ -225,6 +230,7 @@ def _triaged(
     if found["path"] is not None:
         elsewhere = os.path.relpath(found["path"]) != os.path.relpath(path)
         place = os.path.relpath(found["path"], path.absolute().parent)
+        # A line of another file would point to the wrong place here.
         line = int(found["line"]) if found["line"] and not elsewhere else None
         cause = f"in {Path(place).name}: " if elsewhere and group == REPAIRED else ""
         message = (
@@ -252,6 +258,7 @@ def _loaded(path: Path, settings: RunSettings) -> tuple[str, str, str, int]:
     except Exception as error:  # a defect of ours is a row too, the other files go on
         return kind, REFUSED, f"internal error: {describe(error)[0]}", 0
     if kind in ("scenario", "distribution"):
+        # One file gives one outcome, the gravest of its sets.
         (outcome,) = rehearse_batch(jobs_of([path], {}, True, Selection(sample=_SETS)), settings)
         return kind, *_played(outcome)
     repairs = _repairs(remarks)

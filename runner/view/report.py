@@ -205,6 +205,7 @@ def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
         except InvalidFile:
             continue
         listed[kind] += 1
+        # Names of runs are the same in both batches: the page tells them apart.
         results[0].name, results[1].name = f"before: {results[0].name}", f"now: {results[1].name}"
         write_replay(results, out / run["name"] / PAIR, TO_REPORT)
         run["pair"] = f"{run['name']}/{PAIR}"
@@ -223,6 +224,7 @@ def runs_of(out: Path) -> list[dict[str, Any]]:
         wrong = _unusable(table)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidFile(f"the table of runs can't be read: {reason(error)}", path=path) from None
+    # Names become paths and links: an edited one could lead out of the folder.
     if not wrong and not all(map(journal.is_folder_name, table["name"].to_pylist())):
         wrong = "a name of a run names no folder"
     if wrong:
@@ -261,6 +263,7 @@ def varied(sets: Iterable[dict[str, str]]) -> list[str]:
     count = 0
     for count, parameters in enumerate(sets, 1):
         for name, value in parameters.items():
+            # A parameter that some sets lack varies as well.
             found.setdefault(name, set() if count == 1 else {None}).add(value)
         for name in found.keys() - parameters.keys():
             found[name].add(None)
@@ -310,6 +313,7 @@ def rounded(value: float | None) -> float | None:
 
 def _moment(run: dict[str, Any]) -> float:
     """Return the time (s) at which a replay starts."""
+    # The time to collision tells more than the distance: it comes first.
     times = [run.get(f"{measure}_time") for measure in _MOMENTS]
     worst = next((time for time in times if time is not None), 0.0)
     return round(max(0.0, worst - _LEAD_IN), 2)
@@ -381,6 +385,7 @@ def history(batches: Sequence[Path], folder: Path) -> dict[str, Any]:
         for run in runs:
             known = _identity(run, same)
             row = rows.setdefault(known, {"cells": [None] * len(batches)})
+            # The last batch counts: its names are those that the reader knows.
             row |= {
                 "name": run["name"],
                 "group": Path(run["file"]).stem,

@@ -86,6 +86,7 @@ def xosc_replay(
     from runner.exchange.traces.maps import is_trace, load_trace
 
     if len(folders) == 1 and journal.is_batch(folders[0]):
+        # Options of single runs would have no effect, and pass in silence.
         if out is not None or road is not None or gui:
             first = min(journal.finished(folders[0]).outcomes, default="RUN")
             told = (
@@ -213,6 +214,7 @@ def _report(batch: Path, against: Path | None) -> Path:
             file=sys.stderr,
         )
     report = write_report(batch, against)
+    # After the report: one damaged run must not cost it.
     if faults:
         raise faults[0]
     return report

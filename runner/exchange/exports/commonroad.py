@@ -132,6 +132,7 @@ def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element
             None,
             "CommonRoad scenarios have a planning problem, and this one has no ego to plan for",
         )
+    # Obstacles of CommonRoad are there from the first step on.
     for track in tracks.values():
         if track.columns["time"][0] > 0.0:
             raise unsupported(
@@ -150,6 +151,7 @@ def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element
     lights = VehicleLights(result.events)
     others = [track for track in tracks.values() if track.name != result.ego]
     standing = [track for track in others if stands(track)]
+    # CommonRoad's schema has static obstacles before dynamic ones.
     for track in (*standing, *(track for track in others if track not in standing)):
         element = _obstacle(track, track in standing, next(numbers), result.recording.timestep)
         if track not in standing:
@@ -238,8 +240,10 @@ def _states(track: Track, step: float) -> list[etree._Element]:
         box_centre(track),
         fixed_point(track, track.box.x, track.box.y, 0.0),
     )
+    # commonroad-io reads heights where they are written: flat scenes go without.
     tilts = any(bool(np.any(columns[name])) for name in ("z", "pitch", "roll"))
     times = np.rint(columns["time"] / step).astype(int)
+    # Unwrapped: a jump from π to -π would be a rate.
     turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])
     rows = zip(
         centre,
@@ -326,6 +330,7 @@ def _goal_row(result: RunResult) -> int:
         for contact in contacts
         if contact.subject == result.ego or contact.text == f"touches {result.ego}"
     ]
+    # A whole step before the contact: at its instant the goal would be taken.
     before = np.flatnonzero(times < min(touched, default=np.inf) - result.recording.timestep / 2)
     return int(before[-1]) if len(before) else len(times) - 1
 
@@ -349,6 +354,7 @@ def _problem(track: Track, number: int, step: float, goal_row: int) -> etree._El
     time = etree.SubElement(goal, "time")
     etree.SubElement(time, "intervalStart").text = "0"
     etree.SubElement(time, "intervalEnd").text = str(
+        # An interval of no length can't be reached.
         max(round(float(columns["time"][-1]) / step), 1)
     )
     area = _rectangle(track)
@@ -431,6 +437,7 @@ def _signals(result: RunResult, network: RoadNetwork, remarks: list[str]) -> Map
             continue
         changes = history.get(place.signal.id, [])
         links = [link_at(changes, step * result.recording.timestep) for step in range(steps)]
+        # Without a state a light is inactive: CommonRoad has no unknown colour.
         colours = [_COLOURS[OFF if link is None else link] for link in links]
         lights.append(
             (place, tuple((len(list(same)), colour) for colour, same in groupby(colours)))
@@ -484,6 +491,7 @@ def map_elements(
             etree.Element("trafficLightRef", ref=ref) for ref in light_refs.get(lanelet.key, ())
         )
         made.append(element)
+    # A limit of OpenDRIVE has no sign: a virtual one stands at its first lanelet.
     first = {
         limit: next(lanelet for lanelet in lanes if lanelet.limit == limit) for limit in limits
     }

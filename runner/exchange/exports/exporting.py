@@ -131,6 +131,7 @@ def _runnable(sources: Sequence[Path]) -> Iterator[Path]:
 
 def _exported(name: str, result: RunResult, remarks: Sequence[str]) -> Exported:
     untested = result.verdict.reasons if result.verdict.outcome == INCONCLUSIVE else ()
+    # What makes a run inconclusive is told as that, not twice.
     assumptions = [remark for remark in result.remarks if remark not in untested]
     code = ExitCode.INCONCLUSIVE if untested else ExitCode.PASSED
     return Exported(name, code, [*assumptions, *remarks], untested=untested)

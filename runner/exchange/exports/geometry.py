@@ -67,6 +67,7 @@ class RunnerGeometry:
         self._resolved = resolve(
             document, enforce_constraints=enforce, catalog_path=settings.catalog_path
         )
+        # The scripted motion alone: an export says what the file says.
         self._settings = replace(settings, sut="none", world="kinematic", max_time=0.0)
         self._network, _ = load_roads(
             self._resolved, settings.road, settings.road_path, settings.strict
@@ -77,6 +78,7 @@ class RunnerGeometry:
 
     @cached_property
     def _first(self) -> Mapping[str, Recorded]:
+        # A copy, since actions are removed from it.
         document = replace(
             self._resolved, root=copy.deepcopy(self._resolved.root.getroottree()).getroot()
         )
@@ -132,6 +134,7 @@ class RunnerGeometry:
         if track is None:
             return []
         time, x, y, z = (track.columns[name] for name in ("time", "x", "y", "z"))
+        # Times are sums of steps: both ends are meant.
         rows = np.flatnonzero((time > begin - _SAME) & (time < end + _SAME))
         return [
             Vertex(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin)
@@ -159,6 +162,7 @@ class RunnerGeometry:
         for x, y, z, h, speed in zip(
             *(track.columns[name][rows] for name in ("x", "y", "z", "h", "speed")), strict=True
         ):
+            # Back by the step that it has driven since.
             gone = float(speed) * self._settings.timestep
             return Vertex(
                 float(x) - gone * math.cos(h), float(y) - gone * math.sin(h), float(z), float(h)
@@ -234,6 +238,7 @@ class RunnerGeometry:
         length = _LONGER * path.length + _ON
         led = self._driven(action, entity, length, AssignedRoute(path, closed, self._network))
         free = self._driven(action, entity, length, None)
+        # A way that is taken anyway needs no vertices: the target's own drivers find it.
         same = len(led) == len(free) and all(
             math.dist(a[:2], b[:2]) < _SAME for a, b in zip(led, free, strict=True)
         )
@@ -271,6 +276,7 @@ class RunnerGeometry:
                 "the way along lanes is known only of entities that start on one"
             )
         entity.reset()
+        # Moved as the runner moves it, so that the export's way is that of a run.
         roads = Roads(self._network)
         self._put(entity, roads, start)
         entity.controls.route = guide
@@ -314,6 +320,7 @@ def _keep_first(scenario: Node) -> None:
     for private in storyboard.need("Init").iter("Private"):
         placed = any(True for _ in private.iter("TeleportAction"))
         for action in private.children("PrivateAction"):
+            # A routing action may be all that places an entity: it stays then.
             if any(placed or node.tag != "RoutingAction" for node in action.iter(*_GOES_ON)):
                 private.element.remove(action.element)
 
@@ -328,6 +335,7 @@ def _sampled(track: TimedPath, skip: float) -> Iterator[Vertex]:
     end = track.path.length
     marks = sorted({skip, end, *(s for s in timed if skip <= s <= end)})
     for start, stop in pairwise(marks):
+        # At least one piece: two times at one place are two vertices.
         pieces = max(math.ceil((stop - start) / _STEP), 1)
         for n in range(pieces):
             s = start + (stop - start) * n / pieces

@@ -98,6 +98,7 @@ def labels(result: RunResult) -> dict[str, Any]:
             "frame_properties": {"timestamp": round(time, 9)},
             "objects": objects,
         }
+        # Both are rounded to ns: sums of steps need not be equal to the last bit.
         if data := measures.get(round(time, 9)):
             frames[str(number)]["contexts"] = {"0": {"context_data": data}}
     told["contexts"] = {"0": _context(result)}
@@ -155,6 +156,7 @@ def _measures(result: RunResult) -> dict[float, dict[str, list[dict[str, Any]]]]
         data = measures.setdefault(round(float(time), 9), {})
         for name in (name for name in table if not name.endswith("_valid")):
             value = table[name][row]
+            # Columns without a mask, as shares of RSS, are defined everywhere.
             if not table.get(f"{name}_valid", times)[row] and f"{name}_valid" in table:
                 continue
             if isinstance(value, np.bool_ | bool):

@@ -223,6 +223,7 @@ def _write(
             writer.write_message(message, "ground_truth")
             host = host_of(message) if multi else None
             hosts += [host] if host is not None else []
+        # After the ground truth: the command has the whole way of the ego.
         for topic, message in traffic(osi, hosts):
             writer.write_message(message, topic)
     finally:
@@ -256,6 +257,7 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
     network = result.recording.network
     nearby = Nearby(result.recording)
     near = around(network, nearby) if network is not None else []
+    # Participants have the first ids, then lanes, then signals: ids are unique in a message.
     lanes = Lanes(network, near, len(tracks)) if network is not None else None
     logical = (
         LogicalLanes(network, near, lanes.id, lanes.next_id)
@@ -303,6 +305,7 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
                     fill_lights(body.vehicle_classification.light_state, modes, track.role)
                 if (lane := on[number][row]) is not None:
                     body.moving_object_classification.assigned_lane_id.add(value=lane)
+                # Off all lanes there is no assignment.
                 if logical is not None and (place := assigned[number][row]) is not None:
                     _assign(body.moving_object_classification.logical_lane_assignment.add(), place)
             if track.name == result.ego:
@@ -323,6 +326,7 @@ def _table(track: Track) -> list[list[float]]:
     """One row for each of the track's: position, yaw, pitch, roll, velocity, acceleration, yaw,
     pitch and roll rate."""
     columns, time, centre = track.columns, track.columns["time"], box_centre(track)
+    # Rates need continuous angles: a jump from π to -π would be one.
     angles = np.column_stack(
         [np.unwrap(columns[name].astype(float)) for name in ("h", "pitch", "roll")]
     )

@@ -42,6 +42,7 @@ class Nearby:
 
     def __init__(self, recording: Recording) -> None:
         columns = [track.columns for track in recording.tracks.values()]
+        # A line needs two points: the way of one instant has its point twice.
         self._ways = [
             LineString(
                 np.column_stack([column["x"], column["y"]]).repeat(
@@ -144,6 +145,7 @@ class LogicalLanes:
         heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()
         for (x, y, _), z, h in zip(box_centre(track).tolist(), heights, headings, strict=True):
             hint = self._network.locate(x, y, z, h, hint)
+            # A hint keeps the search near: after a jump the whole network is looked at.
             if not self._network.on_road(hint):
                 hint = self._network.locate(x, y, z, h)
             road = self._network.roads[hint.road_id]
@@ -194,6 +196,7 @@ class LogicalLanes:
         points = sample(road, along, aside)
         boundary.id.value, boundary.reference_line_id.value = number, self._lines[road_id]
         mark = lane.marks[0].type if lane.marks else "none"
+        # Road marks are named from the inside, which on the left of the road is the smaller t.
         rule = _PASSING.get(_SWAPPED.get(mark, mark) if lane_id > 0 else mark, "OTHER")
         boundary.passing_rule = boundary.PassingRule.Value(f"PASSING_RULE_{rule}")
         for index in _needed(np.column_stack([points, along])):
@@ -240,6 +243,7 @@ class LogicalLanes:
         if lanelet.limit is not None:
             _fill_limit(lane, lanelet.limit)
         for step, relations in ((1, lane.left_adjacent_lane), (-1, lane.right_adjacent_lane)):
+            # There is no lane 0: across the middle lies lane 1 or -1.
             other = (road_id, section_number, lane_id + step or step)
             if other in self._ids:
                 relation = relations.add(
@@ -249,6 +253,7 @@ class LogicalLanes:
                     end_s_other=section.end,
                 )
                 relation.other_lane_id.value = self._ids[other]
+        # OSI's successors follow the reference line, whichever way the traffic drives.
         ahead, behind = (lane.successor_lane, lane.predecessor_lane)[:: 1 if forward else -1]
         for connections, keys, at_start in (
             (ahead, lanelet.successors, True),
@@ -299,6 +304,7 @@ def _needed(points: np.ndarray) -> list[int]:
         if last - first < 2:
             continue
         inner = points[first + 1 : last]
+        # By s, not by length: readers interpolate between points by s.
         share = (inner[:, 3] - points[first, 3]) / (points[last, 3] - points[first, 3])
         line = points[first, :3] + share[:, None] * (points[last, :3] - points[first, :3])
         off = np.linalg.norm(inner[:, :3] - line, axis=1)

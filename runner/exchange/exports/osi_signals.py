@@ -76,6 +76,7 @@ _LAMP = 0.3
 def link_at(history: Sequence[tuple[float, str]], time: float) -> str | None:
     """Link state of a light at a time (s), as in `LIT`; None without a state, or for an unknown
     one."""
+    # Times of the log are rounded: a change at this step counts.
     index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
     return link_state(history[index][1]) if index >= 0 else None
 
@@ -136,6 +137,7 @@ class Signals:
         _fill_base(main.base, place, signal.width or 0.0, signal.height or 0.0, place.z)
         kind = main.classification
         country = signal.country.upper()
+        # Numbers of signs mean other things in other countries.
         known = _SIGN_TYPES.get(signal.type) if country in _GERMAN else None
         kind.type = kind.Type.Value(f"TYPE_{known or 'OTHER'}")
         kind.variability = (
@@ -168,6 +170,7 @@ class Signals:
         lamp.id.value = number
         self._refer(lamp, signal.id, colour)
         size = (signal.height or count * _LAMP) / count
+        # Lamps from top to bottom, about the middle of the light.
         z = place.z + ((count - 1) / 2 - index) * size
         _fill_base(lamp.base, place, signal.width or _LAMP, size, z)
         kind = lamp.classification
@@ -216,6 +219,7 @@ class VehicleLights:
             modes: dict[str, str] = {}
             self._history[name] = states = []
             for time, (light, mode) in changes:
+                # A new mapping each time: the states before stay as they were.
                 modes = {**modes, light: mode}
                 states.append((time, modes))
 

@@ -140,6 +140,7 @@ def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> 
         columns["road_id"], columns["lane_id"].tolist(), columns["s"].tolist(), strict=True
     ):
         here = _track(net, road, lane, s)
+        # Along SUMO's lane, on which s may fall.
         ahead = s + (front if here is None or here[1].end > here[1].start else -front)
         there = _track(net, road, lane, ahead)
         if there is None:
@@ -239,6 +240,7 @@ def _programs(result: RunResult, net: SumoNet, network: etree._Element) -> etree
         )
         letters = [_DARK] * links[light]
         ends = [
+            # States at the beginning are those of the first phase.
             *sorted(time for time in times if time > 0.0),
             max(result.end_time, *times) + _AFTER,
         ]
@@ -267,6 +269,7 @@ def _routes(
     for track, name, way in zip(tracks, ids, places, strict=True):
         edges, first = _edges(way), way[0]
         walks = KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian"
+        # SUMO's routes begin on an edge outside of junctions, and persons have none.
         if walks or first is None or first.lane.startswith(":"):
             why = "walks" if walks else "does not start on a lane"
             remarks.append(f"{track.name!r} {why}: it is in the FCD file, and has no route")
@@ -296,11 +299,13 @@ def _type(track: recording.Track, name: str, hurry: float, ego: str | None) -> e
     kind = KINDS.get(track.category, OBSTACLE)
     size = {"length": track.box.length, "width": track.box.width, "height": track.box.height}
     limits = {"accel": kind.acceleration, "decel": kind.deceleration, "maxSpeed": kind.speed}
+    # 1.001: a rounded factor must not refuse a departure at the vehicle's speed.
     numbers = {
         key: decimal(max(value, 0.1))
         for key, value in {**size, **limits, "speedFactor": 1.001 * hurry}.items()
     }
     vehicle_class = _CLASSES.get(track.role, kind.vehicle_class)
+    # Without chance: the same files give the same simulation.
     element = etree.Element(
         "vType", {"id": name, "vClass": vehicle_class, "sigma": "0", "speedDev": "0", **numbers}
     )
@@ -323,6 +328,7 @@ def _vehicle(
     )
     vehicle.set("departLane", first.lane.rpartition("_")[2])
     vehicle.set("departPos", decimal(first.position))
+    # SUMO's vehicles can't depart backwards.
     vehicle.set("departSpeed", decimal(max(track.columns["speed"][0], 0.0)))
     etree.SubElement(vehicle, "route", edges=" ".join(edges))
     return vehicle
@@ -350,6 +356,7 @@ def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> et
                 "angle", decimal(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0)))
             )
             element.set("speed", decimal(abs(columns["speed"][row])))
+            # OpenSCENARIO's pitch is positive nose down, SUMO's slope uphill.
             element.set("slope", decimal(-math.degrees(columns["pitch"][row])))
             if not walks[number]:
                 element.set("acceleration", decimal(columns["acceleration"][row]))

@@ -107,6 +107,7 @@ class _TraceLanes:
         areas: list[Any] = []
         lanes: list[Any] = []
         for lane in truth.lane:
+            # OSI's intersections are areas with many ways: one pair and a line make a lane.
             is_area = lane.classification.type == lane.classification.TYPE_INTERSECTION and (
                 len(lane.classification.lane_pairing) > 1 or not lane.classification.centerline
             )
@@ -144,6 +145,7 @@ class _TraceLanes:
     def _add(self, lane: Any) -> None:
         kind = lane.classification
         centre = _points(kind.centerline)
+        # A trace that never sets the field is read as driven along its centre lines.
         forward = kind.centerline_is_driving_direction or not self._directed
         ids = [
             tuple(identifier.value for identifier in side)
@@ -158,6 +160,7 @@ class _TraceLanes:
             return
         left, right = self._both(centre, lines)
         marks = [self._mark(side) for side in ids]
+        # Against the centre line left and right change places.
         if not forward:
             left, right, ids, marks = right[::-1], left[::-1], ids[::-1], marks[::-1]
         if not self._wide(left, right):
@@ -204,6 +207,7 @@ class _TraceLanes:
             self._counts["width"] += 1
             other = right if left is None else left
             assert other is not None
+            # The known boundary is mirrored about the centre line.
             mirrored = 2.0 * resampled(centre, count) - resampled(other, count)
             return (mirrored, other) if left is None else (other, mirrored)
         return left, right
@@ -260,6 +264,7 @@ class _TraceLanes:
             None,
         )
         beside = None
+        # Neighbours to the left follow from those to the right of the others.
         if right is not None:
             beside = LaneletNeighbour(right, True)
             self._share(name, right)
@@ -309,6 +314,7 @@ class _TraceLanes:
             if pair.HasField("antecessor_lane_id") and pair.HasField("successor_lane_id")
         )
         for start, end in pairs:
+            # Pairs may name lanes that were left out; only ways of vehicles are drawn.
             if (
                 start == end
                 or start not in self.made
@@ -344,6 +350,7 @@ def _along(line: FloatArray, centre: FloatArray) -> FloatArray:
     """A line in the order of another one, where there is one."""
     if len(centre) < 2:
         return line
+    # Nearer ends decide: a boundary may be written in either direction.
     ways = [np.hypot(*(points[[0, -1]] - centre[[0, -1]]).T).sum() for points in (line, line[::-1])]
     return line if ways[0] <= ways[1] else line[::-1]
 
@@ -356,6 +363,7 @@ def _alike(line: FloatArray, other: FloatArray) -> FloatArray:
 def _cut(line: FloatArray, centre: FloatArray) -> FloatArray:
     """The part of a line beside a centre line."""
     start, end = frame_at(centre[::-1], lengths(centre)[-1]), frame_at(centre, lengths(centre)[-1])
+    # The start of a line is the end of its reverse, which faces the other way.
     start = start._replace(heading=start.heading + np.pi)
     over = -start.local(line[:1])[0, 0], end.local(line[-1:])[0, 0]
     return between(line, start, end) if max(over) > _OVER else line
@@ -429,6 +437,7 @@ def road_of(path: Path, found: TraceRecording, folder: Path) -> TraceRoad | None
         )
     for name in dict.fromkeys((_last(reference), f"{path.stem}.xodr")):
         beside = path.with_name(name) if name else None
+        # The reference is a text of the trace: under a policy it must not open any file.
         if beside is not None and current().allows(beside) and beside.is_file():
             return TraceRoad(beside, (f"the road is {name} beside the trace",))
     lanes = drawn(found.truth, path.stem)
@@ -445,6 +454,7 @@ def road_of(path: Path, found: TraceRecording, folder: Path) -> TraceRoad | None
 
 def _attached(maps: list[AttachedMap], reference: str) -> AttachedMap | None:
     """The map that a trace's reference names, else the first."""
+    # Several maps may be attached: that of the reference is the one that was driven.
     named = [file for file in maps if _last(file.name) and _last(file.name) == _last(reference)]
     return next(iter([*named, *maps]), None)
 

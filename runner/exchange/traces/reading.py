@@ -154,6 +154,7 @@ class _Collected:
             self._take_object(number, message, False, seen)
         for message in truth.stationary_object:
             self._take_object(number, message, True, seen)
+        # While reading: a trace that does not fit into memory must not fill it first.
         if self._rows > MOST_ROWS:
             raise self._fault(
                 number, f"more than {MOST_ROWS} objects in all messages together are not read"
@@ -177,6 +178,7 @@ class _Collected:
             kept.environmental_conditions.CopyFrom(truth.environmental_conditions)
         for name, known in self._lines.items():
             for message in getattr(truth, name):
+                # Messages repeat lanes: each is kept once, as it was first.
                 if message.id.value not in known:
                     known.add(message.id.value)
                     getattr(kept, name).add().CopyFrom(message)
@@ -201,6 +203,7 @@ class _Collected:
             if stationary
             else [*_vector(base.velocity), base.acceleration.x, base.acceleration.y]
         )
+        # NaN fails the comparison, too.
         if not all(-_GREATEST <= value <= _GREATEST for value in row):
             wrong = next(value for value in row if not -_GREATEST <= value <= _GREATEST)
             raise self._fault(
@@ -216,6 +219,7 @@ class _Collected:
         """Return the recording so far."""
         times = np.array(self._times, dtype=np.int64)
         made = TraceRecording(Recording([], 1.0, None), None, self._truth)
+        # In whole ns until here: differences of large doubles would lose digits.
         steps = np.diff(times) / _NANO
         step = float(np.median(steps)) if len(steps) else 0.1
         zero = 0
@@ -231,6 +235,7 @@ class _Collected:
                 f"messages are {step:.3f} s apart in the median and "
                 f"{float(steps.max()):.3f} s at most"
             )
+        # Messages may name several hosts: the most frequent one is the ego.
         host = self._hosts.most_common(1)[0][0] if self._hosts else None
         tracks, names = [], set[str]()
         for key, participant in self._objects.items():
@@ -350,6 +355,7 @@ def _box(each: _TraceObject, name: str, kind: str, remarks: list[str]) -> Boundi
         return BoundingBox(
             _REAR * length if kind == "vehicle" else 0.0, 0.0, height / 2, length, width, height
         )
+    # Other traces mean the axle itself, not the ground below it.
     return BoundingBox(-rear[0], -rear[1], -rear[2] if own else height / 2, length, width, height)
 
 
@@ -439,6 +445,7 @@ def _columns(
 def _credible(given: FloatArray, derived: FloatArray) -> bool:
     """Whether speeds agree with the positions, in sum."""
     way = float(derived.sum())
+    # Positions of slow objects are mostly noise: their way says nothing.
     return way < 0.5 * len(derived) or _CREDIBLE[0] <= float(given.sum()) / way <= _CREDIBLE[1]
 
 
@@ -452,5 +459,6 @@ def _of_motion(vx: FloatArray, vy: FloatArray) -> FloatArray:
     moves = np.hypot(vx, vy) >= _STANDING
     if not moves.any():
         return np.zeros(len(vx))
+    # Headings of standing objects would be noise: the last motion counts.
     latest = np.maximum.accumulate(np.where(moves, np.arange(len(vx)), -1))
     return np.asarray(np.arctan2(vy, vx)[np.where(latest >= 0, latest, int(moves.argmax()))])

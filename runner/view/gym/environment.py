@@ -108,6 +108,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         self.observation_space = spaces.Dict(
             {name: spaces.Box(-np.inf, np.inf, shapes[name], np.float32) for name in shapes}
         )
+        # The learner commands the ego, whatever system the settings name.
         self._settings = replace(RunSettings.chosen(settings, changes), sut=Commanded())
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._settings.timestep)}
         self._sets = list(variations(scenario, self._settings.enforce_constraints))
@@ -115,6 +116,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
             raise InvalidFile(
                 "no parameter set satisfies the constraints of the scenario", path=scenario
             )
+        # Of the instance: a cache of the class would keep closed environments alive.
         self._prepared = lru_cache(maxsize=64)(self._prepare)
         self._actions, self._participants, self._reward = (
             actions,
@@ -146,6 +148,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         chosen = replace(self._settings, seed=int(self.np_random.integers(_MOST_SEEDS)))
         session = self._session = Session(self._prepared(number), chosen)
         self._view = ObservationArrays(self._participants)
+        # The ego may be added later: its episode begins with it.
         while session.running and session.observation is None:
             session.step()
         self._seen = session.observation
@@ -161,13 +164,16 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
             raise UsageError("the episode has ended: reset() begins the next")
         session.step(self._control(action, before))
         there = session.observation
+        # Where the ego has vanished, its last observation ends the episode.
         seen = there or before
         departed = self._view.is_off_road(seen)
         terminated = bool(session.touched) or departed
+        # Gymnasium: a limit of time truncates, only an outcome terminates.
         truncated = not terminated and (there is None or not session.running)
         self._seen = None if terminated or truncated else there
         if self._seen is None:
             session.close()
+        # Rewarded is what was asked for before the step: the learner has seen that.
         step = EgoStep(
             seen.ego, before.target_speed, self._settings.timestep, bool(session.touched), departed
         )
@@ -214,6 +220,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         if self._actions == "target_speed":
             target = (share[0] + 1.0) / 2.0 * min(limits.max_speed, _TOP_SPEED)
             return Control(acceleration=(target - seen.ego.speed) / _SETTLE)
+        # As `OverrideControllerValueAction` counts pedals: at most `PEDAL`.
         pedal = min(PEDAL, limits.max_acceleration if share[0] > 0.0 else limits.max_deceleration)
         steering = share[1] * (seen.ego.max_steering or _WHEELS) if len(share) > 1 else None
         return Control(share[0] * pedal, steering)

@@ -16,6 +16,7 @@ _FOLDER = Path(__file__).parent
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
 """Characters that could end a script element; JSON knows another spelling of each"""
 _COMMENT = re.compile(r"/\*\*.*?\*/", re.DOTALL)
+# Scenarios may come from anybody: whatever their texts hold, a page sends nothing anywhere.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; "
     "form-action 'none'"
@@ -42,6 +43,7 @@ def page(
         data: what the scripts find in the element `data`, JSON-able.
         served: whether it may ask its own server, and show pages of that.
     """
+    # NaN is no JSON: the page could not be read.
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).translate(
         _UNSAFE
     )

@@ -51,9 +51,11 @@ def partners(measures: Criticality, dt: float, stride: int) -> Stretches:
     main = main_partner(measures)
     if main is not None:
         other = measures.other(main)
+        # By steps: rounded times of two tracks need not be equal to the last bit.
         rows, theirs = (np.rint(time / dt).astype(np.int64) for time in (measures.time, other.time))
         _, mine, its = np.intersect1d(rows, theirs, return_indices=True)
         away = np.hypot(measures.ego.x[mine] - other.x[its], measures.ego.y[mine] - other.y[its])
+        # The main partner wins over a nearer one that happens to pass.
         found[mine[away <= _FAR]] = main
     return _steady(stretches(measures.time, found, dt, stride), round(_SHORT / (dt * stride)))
 
@@ -75,6 +77,7 @@ def _steady(found: Stretches, shortest: int) -> Stretches:
     kept: Stretches = []
     ends = [start for start, _ in found[1:]]
     for index, (start, name) in enumerate(found):
+        # The last stretch is never too short: nothing follows it.
         lasting = index == len(ends) or ends[index] - start >= shortest
         if (not kept or lasting) and not (kept and kept[-1][1] == name):
             kept.append((start, name))
@@ -107,6 +110,7 @@ def account(result: RunResult) -> list[Sentence]:
         ]
     if measures.impact is not None:
         return list(_contact(ego, measures, measures.impact))
+    # Contacts within a step are in the log only: rows show none.
     brief = [entry for entry in result.events if entry.kind == "collision" and _is_of(entry, ego)]
     return [*map(_brief, brief[:1]), *_without_contact(result, ego, measures, bool(brief))]
 
@@ -228,6 +232,7 @@ def _without_contact(
     acceleration = ego.columns["acceleration"]
     braking = np.flatnonzero(acceleration < _BRAKES)
     if braking.size:
+        # An acceleration is that of the step that ends at its row: it began a row before.
         time = float(ego.columns["time"][max(int(braking[0]) - 1, 0)])
         hardest = -float(acceleration.min())
         yield Sentence(
@@ -303,6 +308,7 @@ def rows(
         row = found.setdefault(key, TimelineRow(level, _label(entry), _whole(entry), who))
         until = None if entry.kind in _STARTS else entry.time
         row.bars.append((entry.time, until, entry.text))
+    # Initial actions that end at once would be bars without length.
     lasting = [
         row
         for row in found.values()
@@ -316,6 +322,7 @@ def _who(entry: LogEntry, level: str, actors: Mapping[str, tuple[str, ...]]) -> 
     if level == "collision":
         return tuple(_whole(entry).split(_PAIR))
     parts = entry.subject.split(_SEPARATOR)
+    # Other entries are about their subject itself.
     if not entry.kind.endswith("Transition"):
         return (entry.subject,)
     if entry.subject.startswith(_INIT):

@@ -197,6 +197,7 @@ class _View:
         film = np.array([self._camera(time) for time in self._times])
         step = times[1] - times[0] if len(times) > 1 else 1.0
         side = round(_SMOOTH / step / 2)
+        # Padded by its ends, so that the mean has as many places as there are frames.
         padded = np.pad(film, ((side, side), (0, 0)), mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * side + 1, axis=0)
         return [_Camera(*row) for row in windows.mean(axis=2).tolist()]
@@ -219,6 +220,7 @@ class _View:
             for size, free, span in zip(_SIZE, _BESIDE, high - low, strict=True)
         ]
         x, y = ((low + high) / 2).tolist()
+        # An ego alone is seen at the usual width, a pair as near as it fits.
         return _Camera(x, y, min(*room, _CLOSEST if len(pair) > 1 else _SIZE[0] / _WIDTH))
 
     def _label(self, canvas: ImageDraw.ImageDraw, camera: _Camera, time: float) -> None:
@@ -237,6 +239,7 @@ class _View:
                 float(points[:, 0].mean()),
                 float(points[:, 1].min()) - 4 * _FINER,
             )
+            # Upwards until it is free: names of neighbours would cover each other.
             while any(
                 abs(x - u) < (wide + w) / 2 and abs(y - v) < 16 * _FINER for u, v, w in taken
             ):
@@ -273,6 +276,7 @@ def _shapes(result: RunResult, area: Area) -> list[_Shape]:
     if network is None:
         return []
     rings = surfaces(network, area)
+    # In the order of `_SURFACES`: carriageways lie above verges where outlines meet.
     shapes = [
         _Shape(ring, colour, None)
         for look, colour in _SURFACES.items()
@@ -408,6 +412,7 @@ def write_animation(results: Sequence[RunResult], path: Path) -> None:
         frame.quantize(palette=colours, dither=Image.Dither.NONE)
         for frame in frames(results, _times(results, _GIF))
     )
+    # Before a file is opened: a run that can't be drawn leaves none behind.
     first = next(made)
     with writing("the animation", path), drafted(path) as draft:
         first.save(
@@ -431,6 +436,7 @@ def write_film(results: Sequence[RunResult], path: Path) -> None:
     if ffmpeg is None:
         raise UsageError("an .mp4 needs ffmpeg, which is not installed; a .gif does not", path=path)
     made = frames(results, _times(results, _MP4))
+    # Before a file is opened: a run that can't be drawn leaves none behind.
     first = next(made)
     size = f"{first.width}x{first.height}"
     given = [

@@ -100,6 +100,7 @@ class BatchView:
         return f"{many(len(states), 'run')}{': ' if counts else ''}{', '.join(counts)}"
 
     def _repr_html_(self) -> str:
+        # The gravest first, as only some runs are listed.
         ranked = sorted(
             self.outcomes.items(), key=lambda item: (_ORDER.index(item[1].state), item[0])
         )

@@ -70,6 +70,7 @@ def pack(values: ArrayLike, step: float, order: int = 1) -> str:
     numbers = np.rint(np.asarray(values, np.float64) / step).astype(np.int64)
     for _ in range(order):
         numbers = np.diff(numbers, prepend=0)
+    # Zigzag: the sign goes into the lowest bit, so that small negative numbers stay short.
     return base64.b64encode(_varints(np.where(numbers < 0, -2 * numbers - 1, 2 * numbers))).decode()
 
 
@@ -78,6 +79,7 @@ def _varints(numbers: NDArray[np.int64]) -> bytes:
     count = max(1, -(-int(numbers.max(initial=0)).bit_length() // _GROUP))
     groups = numbers[:, None] >> (_GROUP * np.arange(count))
     used = groups > 0
+    # 0 has one group, too.
     used[:, 0] = True
     groups &= 127
     groups[:, :-1] |= np.where(used[:, 1:], 128, 0)
@@ -91,6 +93,7 @@ def pack_lines(lines: Sequence[NDArray[np.float64]], step: float) -> list[str]:
     lengths = [len(line) for line in lines]
     return [
         pack(lengths, 1.0, 0),
+        # Flat roads need no heights: pages stay small.
         *(pack(axis, step) for n, axis in enumerate(points.T) if n < 2 or _matters(axis, step)),
     ]
 
@@ -282,6 +285,7 @@ def _reasons(result: RunResult) -> list[str]:
     account begins with.
     """
     impact = result.criticality.impact if result.criticality is not None else None
+    # As `runner.judging.verdict.judge` words it.
     first = f"collision with {impact.other} at {impact.time:.2f} s" if impact is not None else ""
     return [reason for reason in result.verdict.reasons if reason != first]
 
@@ -306,6 +310,7 @@ def track_of(
     """A participant at every so many steps of a time (s), counted from an origin; `heights` as in
     `road_of`."""
     columns, box = track.columns, track.box
+    # Differences of neighbours stay small over ±π.
     heading = np.unwrap(columns["h"])
     return {
         "name": track.name,
@@ -337,6 +342,7 @@ def _parts(
 ) -> list[tuple[int, NDArray[np.int64]]]:
     """Stretches of consecutive samples at which something is there: number of the first sample, and
     rows."""
+    # Times are rounded: the nearest step is meant.
     ticks = np.rint(time / dt).astype(np.int64)
     rows = np.flatnonzero(there & (ticks % stride == 0))
     samples = ticks[rows] // stride
@@ -404,6 +410,7 @@ def preview(result: RunResult) -> dict[str, Any] | None:
         max(0.0, measures.conflict - _BEFORE),
         min(result.end_time, measures.conflict + _AFTER),
     )
+    # A preview is a few seconds: whole tracks would make tables of runs large.
     tracks = {name: _during(track, begin, end) for name, track in result.recording.tracks.items()}
     pair = [
         name

@@ -147,10 +147,12 @@ def _marks_of(
     lane = section.lanes[lane_id]
     declared = lane.marks
     if lane.layer == TEMPORARY:
+        # Yellow where the file has no other colour: nothing else tells them from the marks below.
         declared = tuple(
             mark._replace(color="yellow") if mark.color == "standard" else mark for mark in declared
         )
     elif road.junction_id is None:
+        # Borders without a mark get a faint line: lanes are told apart where files have no marks.
         first = declared[0].s if declared else section.end
         declared = (
             (RoadMark(section.s, "none", "standard", None), *declared)
@@ -170,6 +172,7 @@ def _marks_of(
 def _boundary(network: RoadNetwork, junction: Junction) -> list[Line]:
     """The boundary of a junction as one closed line, if the file gives one."""
     points: list[Line] = []
+    # From a segment along a road on: joints are turned to fit the end of the one before.
     along = next(
         (number for number, segment in enumerate(junction.boundary) if not segment.joint), 0
     )
@@ -190,6 +193,7 @@ def _boundary(network: RoadNetwork, junction: Junction) -> list[Line]:
             )
         else:
             piece = _outer_border(road, lanes[0] or 0, start, end)
+        # Joints have no direction of their own: the nearer end comes first.
         if (
             joint
             and points
@@ -250,12 +254,15 @@ def _within(everywhere: NDArray[np.float64], start: float, end: float) -> NDArra
 def _stations(road: Road) -> NDArray[np.float64]:
     """s at which borders are sampled: as close together as the sharpest edge of the road needs."""
     usual = stations(road)
+    # The outer edge of a bend is the most curved: borders are sampled for it.
     reach = max(map(abs, road.edges(0.5 * road.length)))
     found = [usual[:1]]
     for low, high in pairwise(usual.tolist()):
+        # Curvature may jump at `high`: the value just before it belongs to this piece.
         bend = max(
             abs(road.curvature(s)) for s in (low, 0.5 * (low + high), math.nextafter(high, low))
         )
+        # A chord c of curvature κ is off by c²κ/8; at the edge chords are longer by 1 + κ · reach.
         sagitta = (high - low) ** 2 * bend * (1.0 + bend * reach) / 8.0
         found.append(
             np.linspace(low, high, max(1, math.ceil(math.sqrt(sagitta / _SAGITTA))) + 1)[1:]
@@ -270,6 +277,7 @@ def _border(road: Road, along: NDArray[np.float64], border: Profile, aside: floa
         lane.level for section in road.sections for lane in section.lanes.values()
     ):
         return sample(road, along, t)
+    # Without a surface or level lanes a cross-section is straight: only its roll counts.
     roll = values(road.superelevation, along)
     x, y, h = np.array([road.line.at(s) for s in along.tolist()]).T
     level = t * np.cos(roll)
@@ -296,6 +304,7 @@ def _clipped(strips: Iterable[NDArray[np.float64]], area: Area) -> list[NDArray[
             & (high[:, 1] > area.south)
         )
         if len(strip) > 1:
+            # Lanes that open or close have stretches without width, which would be slivers.
             wide = np.abs(strip[0] - strip[-1]).max(axis=1) > NO_WIDTH
             there &= wide[:-1] | wide[1:]
         changes = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]])))
@@ -314,10 +323,12 @@ def _simplified(strips: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float6
     for side in range(len(strips[0])):
         points = np.concatenate([strip[side] for strip in strips])
         lines = [points[:, :2]]
+        # Heights are simplified over the way driven, as a plan of their own.
         if np.ptp(points[:, 2]) > _TOLERANCE:
             steps = np.hypot(*np.diff(points[:, :2], axis=0, prepend=points[:1, :2]).T)
             lines.append(np.column_stack([np.cumsum(steps), points[:, 2]]))
         for flat in lines:
+            # The station rides along as z: what `simplify` keeps is told by it.
             shapes = shapely.linestrings(np.column_stack([flat, station]), indices=owner)
             needed, index = shapely.get_coordinates(
                 shapely.simplify(shapes, _TOLERANCE, preserve_topology=False),
@@ -476,6 +487,7 @@ def signals(network: RoadNetwork, area: Area) -> list[dict[str, Any]]:
     for signal in network.signals.values():
         x, y, z, h, *_ = network.road(signal.road_id).pose(signal.s, signal.t)
         if area.west <= x <= area.east and area.south <= y <= area.north:
+            # A face looks against the traffic that it is for.
             seen_from = h + signal.h_offset + (0.0 if signal.orientation == "-" else math.pi)
             shown.append(
                 {

@@ -122,10 +122,12 @@ def _arguments(net: Path, view: Path, dt: float) -> list[str]:
         _program(),
         f"--net-file={net}",
         f"--gui-settings-file={view}",
+        # SUMO counts time in milliseconds.
         f"--step-length={max(round(dt, 3), 0.001)!r}",
         f"--window-size={_WINDOW}",
         "--start",
         "--quit-on-end",
+        # Motion is as recorded: SUMO must not remove who touches or waits.
         "--collision.action=none",
         "--time-to-teleport=-1",
         "--no-step-log",
@@ -145,8 +147,10 @@ def _play(traci: Any, result: RunResult) -> None:
     traci.route.add(_ROUTE, [sumo_net.DOCK])
     present: set[int] = set()
     start = time.monotonic()
+    # By steps, not times: sums of steps would drift apart from rounded times.
     for tick in range(round(result.end_time / dt) + 1):
         there = dict(rows[tick])
+        # Sorted, since sets have no order: the same run looks the same each time.
         for number in sorted(present - there.keys()):
             traci.vehicle.remove(str(number))
         for number in sorted(there.keys() - present):
@@ -161,6 +165,7 @@ def _play(traci: Any, result: RunResult) -> None:
                 matchThreshold=1.0,
             )
         traci.simulationStep()
+        # Only after a step SUMO knows where a new vehicle is.
         for number in sorted(there.keys() - present):
             if tracks[number].name == result.ego:
                 _watch(traci, str(number))
@@ -172,6 +177,7 @@ def _declare(traci: Any, number: int, track: Track, ego: bool) -> None:
     """The vehicle type of one participant, with its size and shape."""
     types, name = traci.vehicletype, f"type{number}"
     types.copy("DEFAULT_VEHTYPE", name)
+    # `ignoring` may be on every lane: recorded entities are wherever they were.
     types.setVehicleClass(name, "ignoring")
     types.setShapeClass(name, _SHAPES.get(track.category, "unknown"))
     types.setLength(name, max(track.box.length, 0.1))
