@@ -138,6 +138,7 @@ class Generated:
         density: name of the density of recorded parameters.
         not_found: probability of failures that the search has not found, by the estimate; None
             where there is none, or too few of its draws fail: then the unguided draws bound it.
+        limits: by which runs fail besides collisions (`RunSettings.fail_if`).
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
         judged: verdicts on failures during the search; none where plays give them.
@@ -165,6 +166,17 @@ class Generated:
     bound: DrawnBound | None = None
     density: str = DEFAULT
     not_found: Probability | None = None
+    limits: tuple[str, ...] = ()
+
+    @property
+    def failure(self) -> str:
+        """Word for a failure: a collision, where no limits make others."""
+        return "failure" if self.limits else "collision"
+
+    @property
+    def fails(self) -> str:
+        """Word for what the system does in a failure."""
+        return "fails" if self.limits else "collides"
 
     @property
     def measure(self) -> FailingDraws | None:
@@ -414,7 +426,7 @@ class _Work:
             domain=asked.domain, cut=cut,
             judged=NOT_JUDGED if self._judging is None else self._judging.counts,
             bound=bound, density=settings.density, guidance=self._problem.guidance,
-            not_found=_not_found(space, runs.episodes(reward), rate),
+            not_found=_not_found(space, runs.episodes(reward), rate), limits=settings.run.fail_if,
         )  # fmt: skip
         write_object(
             summary(asked.scenario, generated, settings), self._out / summary_file(asked.scenario)
@@ -688,6 +700,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "statement": made.statement.as_json(),
         "not_found": None if made.not_found is None else made.not_found.as_json(),
         "until": None if made.bound is None else made.bound.as_json(),
+        "limits": list(made.limits),
         "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
     }
 

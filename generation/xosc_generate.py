@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.report.options import FailIf, budget_within_limits, fates
+from generation.report.options import Failing, budget_within_limits, fates, limits_and_fates
 from generation.search.settings import Ask, SearchSettings
 from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
 from schemas.common.terminal.command_line import (
@@ -93,7 +93,7 @@ def xosc_generate(
             help="Search of another version of the system, whose failures are replayed.",
         ),
     ] = None,
-    fail_if: FailIf = None,
+    fail_if: Failing = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -111,6 +111,8 @@ def xosc_generate(
     --against compares with a search of another version of the system: its failures are replayed,
     and are fixed or still there; failures found now that are unlike them are played with the former
     version, and are new where it survives.
+
+    --fail-if searches failures by limits of measures too: the distance to a limit leads to them.
     """
     source = named(source)
     from generation.clock import SearchClock
@@ -120,7 +122,9 @@ def xosc_generate(
     search_of(settings.method)  # what it needs is better asked for before recordings are read
     budget = budget_within_limits(settings.budget, RUNS if settings.estimate else 0, NAME)
     settings = replace(settings, budget=budget, density=ask.density)
-    wanted = fates(fail_if, against)
+    limits, others = limits_and_fates(fail_if)
+    settings = replace(settings, run=replace(settings.run, fail_if=limits))
+    wanted = fates(others, against)
     # What was spent until here counts: loading alone takes seconds.
     clock = SearchClock(settings.minutes, time.process_time())
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
@@ -266,11 +270,14 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
     yield (
         f"  {many(drawn.draws, 'unguided draw')} of the density: "
-        f"{many(drawn.failing, 'collision')}; {_prior(generated)}"
+        f"{many(drawn.failing, generated.failure)}; {_prior(generated)}"
     )
     chosen = f", chosen by {many(generated.plays, 'play')}" if generated.plays else ""
     if len(outcomes):
-        collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()
+        collisions, risk = (
+            many(int(outcomes.collision.sum()), generated.failure),
+            outcomes.r_risk.mean(),
+        )
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     elif generated.cut:
         yield f"  no sought runs{chosen}: the time was over before"
@@ -290,9 +297,11 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
     yield f"  operational domain: {generated.domain}"
+    if generated.limits:
+        yield f"  failures are collisions and runs with {' or '.join(generated.limits)}"
     collision = cases.outcomes.collision
     worth = (
-        f", {int(collision.sum())} of them foreseeable and preventable collisions"
+        f", {int(collision.sum())} of them foreseeable and preventable {generated.failure}s"
         if len(cases)
         else f": {_nothing(generated)}"
     )
@@ -318,7 +327,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {generated.bound}"
     yield f"  {basis(generated)}"
     if generated.estimate is not None:
-        yield from (f"  {line}" for line in generated.estimate.lines())
+        yield from (f"  {line}" for line in generated.estimate.lines(generated.failure))
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield (
@@ -354,14 +363,16 @@ def _nothing(generated: Generated) -> str:
         return "nothing was run"
     if not colliding.any():
         return (
-            f"no run collides; the least distance of the ego to another one is {near.min():.2f} m"
+            f"no run {generated.fails}; the least distance of the ego to another one is "
+            f"{near.min():.2f} m"
         )
     judged = generated.gate.refusal is None
+    failures = f"{generated.failure}s"
     foreseeable = (
         generated.prior.foreseeable(generated.history.theta[colliding]).sum() if judged else 0
     )
     return (
-        f"collisions: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a "
+        f"{failures}: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a "
         "careful driver: 0"
     )
 

@@ -253,8 +253,12 @@ class Estimate(NamedTuple):
     driving: Driving | str = ""
     failing: FailingDraws | None = None
 
-    def lines(self) -> Iterator[str]:
-        """Yield the estimate in lines of text, for a terminal."""
+    def lines(self, failure: str = FAILURE) -> Iterator[str]:
+        """Yield the estimate in lines of text, for a terminal.
+
+        Args:
+            failure: word for a failure.
+        """
         origin = (
             f"draws around {many(self.known, 'failure')}"
             if self.known
@@ -265,7 +269,7 @@ class Estimate(NamedTuple):
             yield f"  {many(self.failed, 'more run')} failed, and count for nothing"
         told = self.probabilities if self.probabilities[FAILURE].value > 0.0 else (FAILURE,)
         for name in told:
-            yield f"  {name}: {self.probabilities[name]}"
+            yield f"  {name.replace(FAILURE, failure)}: {self.probabilities[name]}"
             yield from (f"    {unit}: {rate}" for unit, rate in self.rates(name).items())
         yield (
             f"  rates of {self.driving}"
@@ -487,5 +491,5 @@ def _events(played: _Played) -> dict[str, BoolArray]:
             if np.isfinite(high)
             else f"impact at {low:g} m/s or more"
         )
-        events[name] = collision & (speed >= low) & (speed < high)
+        events[name] = played.outcomes.touching & (speed >= low) & (speed < high)
     return events

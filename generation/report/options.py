@@ -33,6 +33,15 @@ FailIf = Annotated[
         "[default: new]",
     ),
 ]
+Failing = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-if",
+        metavar="LIMIT",
+        help="Search failures by a limit too, as min_ttc<1 (as in xosc-run); with --against, what "
+        "ends with exit code 1: new, still-there (repeatable).",
+    ),
+]
 
 
 def budget_within_limits(budget: int, more: int, name: str) -> int:
@@ -61,6 +70,26 @@ def budget_within_limits(budget: int, more: int, name: str) -> int:
     return most - more
 
 
+_FATES = ("new", "still-there")
+"""Fates of failures (`generation.report.regression.Fate`) that `--fail-if` may name"""
+
+
+def limits_and_fates(texts: Sequence[str] | None) -> tuple[tuple[str, ...], list[str]]:
+    """Limits of runs among texts of `--fail-if`, and the other texts.
+
+    Raises:
+        UsageError: a limit is none.
+    """
+    from runner.judging.measures.measure import Limit
+
+    named = [text for text in texts or () if text.strip() in _FATES]
+    limits = [text for text in texts or () if text not in named]
+    try:
+        return tuple(Limit.parse(text).text for text in limits), [text.strip() for text in named]
+    except UsageError as error:
+        raise UsageError(f"{error}; with --against also {' or '.join(_FATES)}") from None
+
+
 def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
     """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system
     raises no alarm.
@@ -74,7 +103,7 @@ def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]
         raise UsageError(
             "--fail-if is about failures of another version: --against says where these are"
         )
-    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
+    offered = {name: Fate(name) for name in _FATES}
     for text in texts or ():
         if text not in offered:
             raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")

@@ -78,7 +78,7 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
         if generated.gate.replayed is not None
         else f"Where {title} has values as stated (nothing is recorded)"
     )
-    return [found, *refused, *_often(drawn, sut, estimate), *lost, *stated]
+    return [found, *refused, *_often(drawn, sut, generated, estimate), *lost, *stated]
 
 
 def _sentence(about: object) -> str:
@@ -111,19 +111,24 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     )
     ran = int(outcomes.executed.sum())
     if not failures:
-        return f"{sut} has no collision in {many(ran, 'run')} of {title}."
+        return f"{sut} has no {generated.failure} in {many(ran, 'run')} of {title}."
     judged = (
         f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
     )
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
     told = (
-        f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and "
-        "prevented by a careful driver"
+        f"{sut} {generated.fails} in {ran_of}{_limits(generated)}; {judged} foreseeable{inside} "
+        "and prevented by a careful driver"
     )
     if by := generated.cases.prevented_by():
         told += f": {', '.join(f'{count} by {name}' for name, count in by.items())}"
     return f"{told}{''.join(f'; {caveat}' for caveat in _caveats(generated, cases))}."
+
+
+def _limits(generated: Generated) -> str:
+    """Limits that count as failures, in parentheses."""
+    return f" (a collision, or {' or '.join(generated.limits)})" if generated.limits else ""
 
 
 def _caveats(generated: Generated, cases: int) -> Iterator[str]:
@@ -162,16 +167,16 @@ def _lost(generated: Generated) -> Iterator[str]:
         )
 
 
-def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
+def _often(drawn: str, sut: str, generated: Generated, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
     if not failure.stable and failure.value > 0.0:
         few = f"{failure.counted} are fewer than {LEAST_EFFECTIVE:g}"
         yield (
-            f"How often {sut} collides is not known well enough for a headline: "
+            f"How often {sut} {generated.fails} is not known well enough for a headline: "
             f"{few}; more runs help."
         )
         return
-    yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
+    yield f"{drawn}, {sut} {generated.fails} with a probability of {chance(failure)}."
     if rates:
         of = (
             "simulated driving"
@@ -179,11 +184,11 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
             else "driving"
         )
         yield (
-            f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and "
+            f"That is {rate(rates[PER_HOUR])} {generated.failure}s per hour of {of} and "
             f"{rate(rates[PER_DISTANCE])} per 1,000 km."
         )
     yield (
-        "Collisions that a careful driver prevents have a probability of "
+        f"{generated.failure.capitalize()}s that a careful driver prevents have a probability of "
         f"{chance(estimate.probabilities[PREVENTABLE])}."
     )
     bands = {

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -53,7 +53,8 @@ class Share(NamedTuple):
     @classmethod
     def of(cls, outcomes: Outcomes) -> Share:
         """Count the runs that took place."""
-        return cls(int(outcomes.collision.sum()), int(outcomes.executed.sum()))
+        # A limit says nothing of a density: traffic itself may not keep it.
+        return cls(int(outcomes.touching.sum()), int(outcomes.executed.sum()))
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -229,9 +230,14 @@ def replay_shares(units: FloatArray, outcomes: Outcomes, drivers: Drivers) -> tu
     """Collisions of recorded rows (m, k) with outcomes, and those that no
     careful driver prevents.
     """
-    colliding = np.flatnonzero(outcomes.executed & outcomes.collision)
+    colliding = np.flatnonzero(outcomes.touching)
     share = Share.of(outcomes)
-    return share, Share(int((~survivors(units[colliding], drivers)).sum()), share.runs)
+
+    def touching(theta: FloatArray, sut: str) -> Outcomes:
+        found = drivers(theta, sut)
+        return replace(found, collision=found.touching)
+
+    return share, Share(int((~survivors(units[colliding], touching)).sum()), share.runs)
 
 
 R157, ROAD = "r157", "road"

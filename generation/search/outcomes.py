@@ -25,6 +25,7 @@ from runner.batch.pool import Pool
 from runner.engine.motion.rss import parameter_set
 from runner.judging.result import INCONCLUSIVE
 from runner.judging.settings import RunSettings
+from runner.judging.verdict import margin
 from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants
 from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -36,6 +37,7 @@ from xosc.listing.tables import EPISODES
 
 if TYPE_CHECKING:
     from runner.batch.pool import RayPool
+    from runner.judging.measures.measure import Limit
     from runner.judging.result import RunResult
 
 
@@ -55,6 +57,7 @@ NOTHING: Mapping[str, Any] = {
     "impact_speed": 0.0,
     "side": "",
     "striking": False,
+    "margin": math.inf,
 }
 """The outcome of an episode in which nothing happens, by the names of `Outcomes`."""
 
@@ -64,7 +67,8 @@ class Outcomes:
     """Outcomes of n episodes; arrays of length n.
 
     Args:
-        collision: whether the ego touched another participant.
+        collision: whether the run failed: the ego touched another participant, a criterion of the
+            scenario failed, or a limit (`--fail-if`) was not kept.
         r_risk: share of the time steps, up to a collision, in which a participant is nearer than
             both RSS distances; 0 to 1. It depends on how long the scene is, and serves the
             published reward alone.
@@ -87,6 +91,8 @@ class Outcomes:
         side: side of the ego that is touched first: `front`, `rear`, `left`, `right`; empty without
             contact.
         striking: whether the ego hit the other one; false where it was hit, and without contact.
+        margin: least signed distance to the limits (`runner.judging.measures.measure.Limit`), at
+            most 0 where one is not kept; infinite without limits.
     """
 
     collision: BoolArray
@@ -102,6 +108,7 @@ class Outcomes:
     impact_speed: FloatArray
     side: NDArray[np.str_]
     striking: BoolArray
+    margin: FloatArray
 
     @classmethod
     def of(cls, n: int, **known: Any) -> Outcomes:
@@ -126,8 +133,14 @@ class Outcomes:
         return self.status == "inconclusive"
 
     @property
+    def touching(self) -> BoolArray:
+        """The episodes that took place in which the ego touched another participant; all failures
+        but those by a limit alone."""
+        return self.executed & self.collision & ((self.margin > 0.0) | (self.clearance <= 0.0))
+
+    @property
     def survived(self) -> BoolArray:
-        """The episodes that took place and have no collision."""
+        """The episodes that took place without a failure."""
         return self.executed & ~self.collision
 
     @property
@@ -268,21 +281,23 @@ class Evaluator(Simulator):
         )
 
 
-def measures(result: RunResult, rss: str) -> dict[str, Any]:
+def measures(result: RunResult, rss: str, limits: Sequence[Limit] = ()) -> dict[str, Any]:
     """The columns of `Outcomes` that a run says something about.
 
     Args:
         rss: name of the RSS parameter set.
+        limits: by which runs fail besides collisions.
     """
-    collision, seen = bool(result.verdict.failures), result.criticality
+    failing, seen = bool(result.verdict.failures), result.criticality
+    judged = {"collision": failing, "margin": margin(result, limits)}
     if seen is None or seen.conflict is None:
-        return {"collision": collision}
-    found = {
-        "collision": collision,
+        return judged
+    touched = seen.impact is not None
+    found = judged | {
         "r_risk": seen.risk(rss) or 0.0,
         # A contact at the side has no time to collision with a lead: by definition it is 0 then.
         "min_ttc": 0.0
-        if collision
+        if touched
         else float(
             seen.ttc.value[seen.ttc.valid].min(initial=math.inf)
         ),  # a side is no lead's rear
@@ -347,7 +362,7 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
         with limited():
             result = run(job.scenario, chosen, parameters=job.parameters)
             verdict = result.verdict
-            found = measures(result, rss) if verdict.outcome != INCONCLUSIVE else {}
+            found = measures(result, rss, chosen.limits) if verdict.outcome != INCONCLUSIVE else {}
     # One broken point of a thousand is a row with an error, not the end of the search.
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)
@@ -584,7 +599,7 @@ def remembering(drivers: Drivers) -> Drivers:
     return driving
 
 
-COLLISION, VIOLATION = "collision", "violation of RSS distances"
+COLLISION, LIMIT, VIOLATION = "collision", "limit not kept", "violation of RSS distances"
 AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
 Judged = Callable[[FloatArray], tuple[FloatArray, BoolArray]]
 """Log-densities (n,) of points (n, d), and which of them are foreseeable."""
@@ -678,7 +693,9 @@ class Cases:
                 again[row] = f"{'again' if fails else 'not again'} with the same seed{others}"
         survived = {name: found.survived for name, found in self.drivers.items()}
         return {
-            "Verdict": [COLLISION if collided else VIOLATION for collided in outcomes.collision],
+            "Verdict": np.select(
+                [outcomes.touching, outcomes.collision], [COLLISION, LIMIT], VIOLATION
+            ).tolist(),
             "CarefulDriver": np.select(
                 [self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN
             ).tolist(),

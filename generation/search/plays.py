@@ -163,23 +163,24 @@ def _columns(outcomes: ArrayOutcomes) -> dict[str, Any]:
     """Columns of `Outcomes` of runs in arrays (n,)."""
     measured = outcomes.measures
     assert measured is not None
-    failed = outcomes.outcome == FAILED
+    failed, touched = outcomes.outcome == FAILED, np.isfinite(outcomes.contact)
     untested = outcomes.outcome == INCONCLUSIVE
     columns: dict[str, Any] = {
         "collision": failed,
         "r_risk": measured.risk,
-        "min_ttc": np.where(failed, 0.0, measured.min_ttc),
+        "min_ttc": np.where(touched, 0.0, measured.min_ttc),
         "risk": measured.risk_before,
         "max_drac": measured.max_drac,
         "clearance": measured.min_distance,
         "conflict": measured.nearest,
-        "impact_speed": np.where(failed, measured.impact_speed, 0.0),
-        "side": np.where(failed, measured.side, "").astype(object),
-        "striking": failed & measured.striking,
+        "impact_speed": np.where(touched, measured.impact_speed, 0.0),
+        "side": np.where(touched, measured.side, "").astype(object),
+        "striking": touched & measured.striking,
+        "margin": outcomes.margin,
         "end_time": outcomes.end_time,
         "status": np.where(untested, INCONCLUSIVE, outcomes.status),
         "error": np.where(untested, _UNTESTED, "").astype(object),
     }
-    for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict"):
+    for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict", "margin"):
         columns[name] = np.where(untested, NOTHING[name], columns[name])
     return columns

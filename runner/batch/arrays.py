@@ -27,8 +27,9 @@ from runner.engine.compile.road_network import load_roads
 from runner.engine.motion.rss import parameter_set
 from runner.engine.storyboard.array_run import ArraySimulation
 from runner.judging.criteria.criterion import declared
-from runner.judging.evidence.array_judge import OPEN, ArrayJudge, ArrayOutcomes
+from runner.judging.evidence.array_judge import MEASURED, OPEN, ArrayJudge, ArrayOutcomes
 from runner.judging.evidence.least import least_values
+from runner.judging.evidence.rows import ROWS
 from runner.judging.measures.runs import Measuring, RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
@@ -42,6 +43,9 @@ from schemas.expressions.values import type_named
 
 BLOCK = 16_384
 """Sets that are played at a time: a step of more of them costs less each"""
+_KEPT = 1024
+"""Sets that are played at a time where all their instants are kept: about 40 MB for two
+participants and 30 s"""
 _AFTER_COLLISION = 1.0
 """Time that is played on after the ego's first contact, where that ends a run, s"""
 SETS = "sets.parquet"
@@ -212,6 +216,11 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
     return ""
 
 
+def _needs_instants(settings: RunSettings) -> bool:
+    """Whether a limit is of a measure that is taken run by run."""
+    return any(limit.name not in MEASURED for limit in settings.limits)
+
+
 def play(
     structure: CompiledSets,
     settings: RunSettings,
@@ -229,8 +238,9 @@ def play(
     """
     count = len(structure.members)
     # In blocks: the state of all sets of a large space would fill the memory.
-    for start in range(0, count, BLOCK):
-        chosen = slice(start, start + BLOCK)
+    block = _KEPT if _needs_instants(settings) else BLOCK
+    for start in range(0, count, block):
+        chosen = slice(start, start + block)
         with _run(structure, structure.places[chosen], settings, measuring, keeps) as (run, judge):
             run.play()
         yield PlayedRow(structure.members[chosen], judge.outcomes(run))
@@ -460,10 +470,13 @@ def _run(
     """The runs of some sets; the system under test is closed after them."""
     scenario = structure.scenario
     least = least_values(settings.least)
-    reserve = least.pop("reserve", 1.0)
-    # Limits need measures, evidence and logs of single runs; `reserve` alone is counted here.
-    if settings.fail_if or least:
-        raise NotInArrays("limits of verdicts are judged in single runs only")
+    reserve, defined = least.pop("reserve", 1.0), least.pop("limits", ROWS["limits"].least)
+    # Other evidence needs logs of single runs.
+    if least:
+        raise NotInArrays("least values of evidence are judged in single runs only")
+    limits = settings.limits
+    if limits and measuring is None:
+        measuring = Measuring(parameter_set("ad-rss"))
     ego = find_ego(scenario, settings.ego)
     if ego is None:
         raise NotInArrays("a scenario without an ego plays in single runs only")
@@ -474,7 +487,16 @@ def _run(
             if system is not None
             else None
         )
-        judge = ArrayJudge(scenario, sets, system is not None, reserve, measuring, keeps)
+        judge = ArrayJudge(
+            scenario,
+            sets,
+            system is not None,
+            reserve,
+            measuring,
+            keeps or _needs_instants(settings),
+            limits,
+            defined,
+        )
         after = round(_AFTER_COLLISION / settings.timestep)
         run = ArraySimulation(
             scenario,

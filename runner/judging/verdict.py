@@ -3,6 +3,7 @@ anything."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -100,16 +101,27 @@ def red_light_remarks(
 
 def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
     """Reasons for which a run fails by limits; empty where it keeps them."""
+    facts = _facts(result)
+    return tuple(reason for limit in limits if (reason := limit.reason(facts)))
+
+
+def margin(result: RunResult, limits: Sequence[Limit]) -> float:
+    """Least signed distance of a run to its limits (`Limit.margins`); infinite without limits."""
+    facts = _facts(result)
+    return min((limit.margin(facts) for limit in limits), default=math.inf)
+
+
+def _facts(result: RunResult) -> Facts:
+    """Values that limits are compared with."""
     criticality = result.criticality
     # Limits on events are about the ego, as those on measures are.
     own = [entry for entry in result.events if entry.subject == result.ego]
-    facts = Facts(
+    return Facts(
         criticality.summary if criticality is not None else None,
         [(entry.kind, f"{entry.subject} {entry.text} at {entry.time:.2f} s") for entry in own],
         result.status,
         result.end_time,
     )
-    return tuple(reason for limit in limits if (reason := limit.reason(facts)))
 
 
 def apply_limits(result: RunResult, limits: Sequence[Limit], least: Mapping[str, float]) -> None:

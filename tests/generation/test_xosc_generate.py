@@ -235,7 +235,12 @@ def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
             "there is no parameter 'Speed'",
         ),
         ((CUT_IN, "--fail-if", "new"), 2, "--against says where"),
-        ((CUT_IN, "--against", str(SCENARIOS), "--fail-if", "old"), 2, "one of new, still-there"),
+        (
+            (CUT_IN, "--against", str(SCENARIOS), "--fail-if", "old"),
+            2,
+            "with --against also new or",
+        ),
+        ((CUT_IN, "--fail-if", "min_ttc<0"), 2, "no run can reach"),
         ((CUT_IN, "--against", str(SCENARIOS)), 2, "no search of cut_in_highway.xosc"),
         ((CUT_IN, "--kind", "parking"), 2, "kinds: braking"),
         ((CUT_IN, "--pin", "Ego_Speed"), 2, "--pin 'Ego_Speed': NAME=VALUE"),

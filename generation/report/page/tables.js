@@ -124,7 +124,9 @@ function regions() {
 }
 
 function counterexample(each, index) {
-  const outcome = each.collision
+  const outcome = each.collision && !each.side
+    ? "fails without a contact"
+    : each.collision
     ? `${each.striking ? "hits the other one with" : "is hit at"} its ${each.side || "side"}, at ${figure(each.impact, 3)} m/s`
     : "no collision";
   const kinds = [

@@ -124,4 +124,5 @@ def aside(outcomes: Outcomes, rows: BoolArray) -> Outcomes:
         collision=outcomes.collision & ~rows,
         clearance=np.where(rows, np.inf, outcomes.clearance),
         max_drac=np.where(rows, 0.0, outcomes.max_drac),
+        margin=np.where(rows, np.inf, outcomes.margin),
     )

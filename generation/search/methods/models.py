@@ -69,12 +69,18 @@ _CLEAR, _BRAKED = 0.1, 0.8
 collision"""
 
 
+_LIMITED = 0.9
+"""Nearness of a run that only just keeps its limits"""
+
+
 def nearness(outcomes: Outcomes) -> FloatArray:
-    """Nearness to a failure by both margins, least clearance and greatest DRAC (n,), 0 to below 1;
-    0 where no run took place."""
+    """Nearness to a failure (n,), 0 to below 1: by least clearance and greatest DRAC to a
+    collision, by the margin to limits, whichever is nearer; 0 where no run took place."""
     near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(
         outcomes.max_drac / _HARD, 1.0
     )
+    # Slower than an exponential: far from a limit there is still a way to it.
+    near = np.maximum(near, _LIMITED / (1.0 + np.maximum(outcomes.margin, 0.0)))
     return np.where(outcomes.executed, near, 0.0)
 
 

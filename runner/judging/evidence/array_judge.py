@@ -28,6 +28,7 @@ from runner.judging.evidence.continuity import (
 from runner.judging.evidence.progress import mishap_events, scene_events, without_effect
 from runner.judging.evidence.rows import causes_of
 from runner.judging.measures.criticality import criticality
+from runner.judging.measures.measure import EVENTS, Facts
 from runner.judging.measures.relations import MotionRows
 from runner.judging.measures.runs import ArrayMeasures, Measuring, RunMeasures
 from runner.judging.measures.segments import ENDLESS, FRAME, SEGMENT, Segment
@@ -37,12 +38,13 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.model import PERMANENT
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from runner.engine.compile.compiler import Scenario
     from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.array_run import ArraySimulation
     from runner.judging.measures.criticality import Criticality
+    from runner.judging.measures.measure import Limit
 
 _TOLERANCE = 1.01
 _SUSTAINED = 0.5
@@ -65,6 +67,8 @@ class ArrayOutcomes:
         partner: name of the participant touched; empty without one.
         measures: of the runs, where they were asked for; of one that is `open` they say nothing.
         names: of all participants, the ego's first.
+        margin: least signed distance to limits (`runner.judging.measures.measure.Limit.margins`);
+            infinite without limits.
         segments: instants of all runs, a stretch of time after the other, where they are kept.
         roads: ids of roads by key.
         steps: number of instants of each run.
@@ -83,6 +87,7 @@ class ArrayOutcomes:
     roads: dict[int, str] = field(repr=False)
     network: Any = field(repr=False)
     dt: float
+    margin: FloatArray
 
     def motion(self, name: str, run: int, instants: slice = slice(None)) -> MotionRows:
         """Motion of a participant in a run, at all or some of its instants."""
@@ -151,7 +156,10 @@ class ArrayJudge:
         system: whether a system under test drives the ego.
         reserve: least reserve at the end of a run, as `runner.judging.evidence.rows` has it.
         measuring: choice of measures; None for none.
-        keeps: whether the instants of all runs are kept: for comparisons, as they need much memory.
+        keeps: whether the instants of all runs are kept: for comparisons, and measures that are
+            taken run by run, as they need much memory.
+        limits: by which runs fail. defined: least share of time in which their measures have to be
+            defined.
     """
 
     def __init__(
@@ -162,7 +170,10 @@ class ArrayJudge:
         reserve: float = 1.0,
         measuring: Measuring | None = None,
         keeps: bool = False,
+        limits: Sequence[Limit] = (),
+        defined: float = 0.0,
     ) -> None:
+        self._limits, self._defined = limits, defined
         self._measuring, self._keeps = measuring, keeps
         self._measures: ArrayMeasures | None = None
         self._part: Segment | None = None
@@ -413,7 +424,7 @@ class ArrayJudge:
         self._close(run)
         self._part = None
         measured = self._measures
-        return ArrayOutcomes(
+        outcomes = ArrayOutcomes(
             self._outcome,
             self._status,
             np.round(np.maximum(self._steps - 1, 0) * run.dt, 9),
@@ -427,7 +438,61 @@ class ArrayJudge:
             _road_names(run),
             run.roads.network,
             run.dt,
+            np.full(len(self._sets), math.inf),
         )
+        if self._limits:
+            self._apply_limits(outcomes)
+        return outcomes
+
+    def _apply_limits(self, outcomes: ArrayOutcomes) -> None:
+        """Fail runs by limits that they do not keep; those without a value are inconclusive."""
+        shares = np.ones(len(self._sets))
+        for limit in self._limits:
+            margin, defined = _margins(limit, outcomes)
+            np.minimum(outcomes.margin, margin, out=outcomes.margin)
+            np.minimum(shares, defined, out=shares)
+        known = outcomes.outcome != OPEN
+        outcomes.outcome[known & (outcomes.outcome == PASSED) & (shares < self._defined)] = (
+            INCONCLUSIVE
+        )
+        outcomes.outcome[known & (outcomes.margin <= 0.0)] = FAILED
+
+
+_LED, _PRESENT = ("min_ttc", "max_drac"), "min_distance"
+MEASURED = (*_LED, _PRESENT, "end_time", *(name for name in EVENTS if name != "rss"))
+"""Limits of what is measured while runs are played; others need the instants of runs, which are
+kept for them"""
+
+
+def _margins(limit: Limit, outcomes: ArrayOutcomes) -> tuple[FloatArray, FloatArray]:
+    """Signed distances of runs to a limit (n,), and the shares of time in which it was defined."""
+    n, measured = len(outcomes.steps), outcomes.measures
+    every = np.ones(n)
+    if limit.name not in MEASURED:
+        return _margins_one_by_one(limit, outcomes)
+    if limit.name == "end_time":
+        return limit.margins(outcomes.end_time), every
+    if not limit.comparison:
+        # Runs in which the ego leaves the road, or reaches its end, are left to the interpreter.
+        happened = (outcomes.status == "timeout") & (limit.name == "timeout")
+        roads = not limit.needs_road or outcomes.network is not None
+        return np.where(happened, -1.0, math.inf), every * roads
+    assert measured is not None
+    values = getattr(measured, limit.name)
+    nothing = 0.0 if limit.name == "max_drac" else math.inf  # no lead, or none that comes nearer
+    share = measured.led if limit.name in _LED else measured.present
+    return limit.margins(np.where(values == nothing, math.nan, values)), share
+
+
+def _margins_one_by_one(limit: Limit, outcomes: ArrayOutcomes) -> tuple[FloatArray, FloatArray]:
+    """`_margins` by the measures of each run."""
+    n = len(outcomes.steps)
+    margin, share = np.full(n, math.inf), np.ones(n)
+    for row in np.flatnonzero(outcomes.outcome != OPEN):
+        seen = outcomes.criticality(int(row))
+        facts = Facts(seen.summary, (), outcomes.status[row], float(outcomes.end_time[row]))
+        margin[row], share[row] = limit.margin(facts), limit.defined(seen)
+    return margin, share
 
 
 def _aloft(run: ArraySimulation, entity: EntityRows) -> BoolArray:

@@ -237,7 +237,7 @@ EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""
 """Limits without a number, each with the kind of its event in the log: the ego leaves the road or
 reaches its end; the time limit is reached first; RSS distances (parameter set `ad-rss`) are
 violated."""
-_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+_COMPARISONS: dict[str, Callable[[Any, float], Any]] = {
     "<=": operator.le, "<": operator.lt, ">=": operator.ge, ">": operator.gt,
 }  # fmt: skip
 _FORM = re.compile(r"\s*([\w-]+)\s*(?:(<=|<|>=|>)\s*(\S+)\s*)?")
@@ -351,6 +351,45 @@ class Limit:
         name = _RSS if self.name == "rss" else self.name
         return 1.0 if name in EVENTS else measures()[name].defined(criticality)
 
+    def margins(self, values: FloatArray) -> FloatArray:
+        """Signed distances of values (n,) to the limit: robustness as in temporal logic.
+
+        At most 0 where the run fails, above 0 where it does not, infinite for a value that is not
+        defined (NaN); a share of the limit. Limits at 0 have no scale, so that what keeps them is
+        infinitely far.
+
+        G. Fainekos, G. Pappas, Robustness of temporal logic specifications for continuous-time
+        signals, Theoretical Computer Science 410, 2009.
+        """
+        import numpy as np  # limits are parsed before a command needs it
+
+        fails = _COMPARISONS[self.comparison](values, self.value)
+        apart = np.abs(values - self.value)
+        if self.value == 0.0:
+            return np.where(fails, -apart, np.inf)
+        apart = np.where(np.isnan(apart), np.inf, apart / abs(self.value))
+        # A value at a limit that allows it is no failure, however little there is left.
+        return np.where(fails, -apart, np.maximum(apart, np.finfo(float).tiny))
+
+    def margin(self, facts: Facts) -> float:
+        """Signed distance of a run to the limit, as of `margins`; -1 for an event that happened."""
+        if self.name == "rss":
+            return Limit(self.text, _RSS, ">").margin(facts)
+        if not self.comparison:
+            return -1.0 if self.reason(facts) else math.inf
+        import numpy as np
+
+        value = self._value(facts)
+        return float(self.margins(np.array([math.nan if value is None else value]))[0])
+
+    def _value(self, facts: Facts) -> float | None:
+        """The run's value of the measure; None where it is not defined."""
+        if self.name == "end_time":
+            return facts.end_time
+        found: Any = (facts.criticality or {}).get(self.name)
+        value: float | None = found["value"] if isinstance(found, Mapping) else found
+        return value
+
     def reason(self, facts: Facts) -> str:
         """Reason for which a run fails by the limit; empty where it does not."""
         if self.name == "timeout":
@@ -370,14 +409,12 @@ class Limit:
                 ),
                 "",
             )
-        found: Any = (
-            facts.end_time if self.name == "end_time" else (facts.criticality or {}).get(self.name)
-        )
-        value = found["value"] if isinstance(found, Mapping) else found
+        value = self._value(facts)
         if value is None or not _COMPARISONS[self.comparison](value, self.value):
             return ""
         if self.name == "end_time":
             return f"{self.text}: end_time is {value:.2f} s"
+        found: Any = (facts.criticality or {})[self.name]
         return f"{self.text}: {measures()[self.name].sentence(found)}"
 
     @property

@@ -59,6 +59,7 @@ class RunMeasures:
         nearest: time of the first least distance, s; 0 without others.
         risk: share of the instants up to a contact at which RSS is violated; 0 without others.
         risk_before: the same of a time window up to `nearest`, or to the first contact.
+        led, present: share of the instants with a lead, with anyone on the ego's level.
         impact_speed, side, striking: of the first contact, as of
             `runner.judging.measures.contacts.Impact`; 0, empty and false without one.
     """
@@ -69,6 +70,8 @@ class RunMeasures:
     nearest: FloatArray
     risk: FloatArray
     risk_before: FloatArray
+    led: FloatArray
+    present: FloatArray
     impact_speed: FloatArray
     side: NDArray[np.str_]
     striking: BoolArray
@@ -113,6 +116,7 @@ class ArrayMeasures:
         self._ttc, self._drac, self._distance = np.full(n, np.inf), np.zeros(n), np.full(n, np.inf)
         self._nearest, self._touched = np.zeros(n, np.int64), np.zeros(n, bool)
         self._counted, self._risky = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._led, self._present = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._impacts = _Impacts(n, len(boxes) - 1)
 
     def add(self, part: Segment, sizes: IntArray) -> Iterator[Segment]:
@@ -171,6 +175,7 @@ class ArrayMeasures:
         self._take_nearest(runs, steps, distance)
         # Exposure ends at the contact: shares of risk of runs that go on after it would be diluted.
         active = present & ~self._after_contact(runs, touched)
+        self._present[runs] += present.sum(axis=0)
         self._counted[runs] += active.sum(axis=0)
         self._risky[runs] += (violated & active).sum(axis=0)
         if violated.any():
@@ -180,6 +185,7 @@ class ArrayMeasures:
         led = np.isfinite(gap)
         if not led.any():
             return
+        self._led[runs] += led.sum(axis=0)
         gap[~led] = 0.0
         ttc, drac = time_to_collision(gap, closing), deceleration_to_avoid_crash(gap, closing)
         least = np.where(ttc.valid & led, ttc.value, np.inf).min(axis=0)
@@ -226,6 +232,8 @@ class ArrayMeasures:
             conflict,
             risk,
             np.where(sizes > 1, before, 0.0),
+            self._led / np.maximum(sizes, 1),
+            self._present / np.maximum(sizes, 1),
             *self._impacts.manner,
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -105,3 +107,10 @@ def test_little_is_known_where_no_run_was(halves: tuple[GaussianProcess, FloatAr
     process, rows = halves
     (_, known), (_, far) = (process.predicted(each) for each in (rows, np.array([[0.0, 12.0]])))
     assert known.max() < 0.7 * far[0]
+
+
+def test_runs_are_the_nearer_to_a_failure_the_less_is_left_to_a_limit() -> None:
+    found = Outcomes.of(4, margin=[0.01, 1.0, 20.0, math.inf])
+    near = nearness(found)
+    assert (np.diff(near) < 0.0).all() and 0.8 < near[0] < 1.0
+    assert near[3] == nearness(Outcomes.of(1))[0]

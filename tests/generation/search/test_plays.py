@@ -1,6 +1,6 @@
 """Plays in arrays are the runs of the interpreter, with all that searches measure of them."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +73,38 @@ def test_plays_have_the_outcomes_of_runs(name: str, sut: str) -> None:
     truth = singly(scenario, space, theta, settings(sut))
     assert name != "cut_in" or sut != "cas" or 0 < found.collision.sum() < len(theta)
     same(found, truth)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        ("min_ttc<1.5",),
+        ("max_drac>3", "min_distance<=2"),
+        ("min_thw<0.4", "end_time>100"),
+        ("rss",),
+        ("pet<0.5", "off-road"),
+        ("timeout",),
+    ],
+)
+def test_plays_fail_by_limits_as_runs_do(limits: tuple[str, ...]) -> None:
+    space = Space.of(CUT_IN)
+    theta = space.draw(24, np.random.default_rng(8))
+    chosen = replace(settings("cas"), fail_if=limits, timestep=0.1)
+    found = ArrayPlays(CUT_IN, space, chosen, "ad-rss", few=0)(theta)
+    same(found, singly(CUT_IN, space, theta, chosen))
+    beyond = found.executed & (found.margin <= 0.0)
+    assert (found.collision[found.executed] == (beyond | found.touching)[found.executed]).all()
+    if limits != ("timeout",):
+        assert 0 < beyond.sum() < len(theta)
+
+
+def test_limits_without_a_value_leave_plays_inconclusive_as_runs() -> None:
+    space = Space.of(CUT_IN)
+    theta = space.draw(12, np.random.default_rng(8))
+    chosen = replace(settings("cas"), fail_if=("min_ttc<1",), least=("limits=0.9",))
+    found = ArrayPlays(CUT_IN, space, chosen, fast=False, few=0)(theta)
+    assert found.inconclusive.any()
+    same(found, singly(CUT_IN, space, theta, chosen))
 
 
 def test_outcomes_do_not_depend_on_what_is_played_beside() -> None:

@@ -5,9 +5,11 @@ of the system under test.
 from __future__ import annotations
 
 import json
+import math
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
 
@@ -276,3 +278,30 @@ def test_a_class_of_any_module_is_given_parameters(tmp_path: Path) -> None:
     name = f"{__name__}:Configured:steps=3,alert=True,label=loud"
     result = runner.run(scenario(tmp_path, stop=0.1), world="kinematic", sut=name)
     assert result.sut_parameters == {"steps": 3, "alert": True, "label": "loud"}
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "margins"),
+    [
+        ("min_ttc<2", [1.0, 2.0, 4.0, math.nan], [-0.5, 0.0, 1.0, math.inf]),
+        ("min_ttc<=2", [2.0], [0.0]),
+        ("max_drac>4", [6.0, 4.0, 1.0], [-0.5, 0.0, 0.75]),
+        ("rss_risk_ad_rss>0", [0.2, 0.0], [-0.2, math.inf]),
+    ],
+)
+def test_a_margin_is_the_signed_distance_to_a_limit(
+    text: str, values: list[float], margins: list[float]
+) -> None:
+    limit = Limit.parse(text)
+    found = limit.margins(np.array(values))
+    np.testing.assert_allclose(found, margins, atol=1e-300)
+    for value, margin in zip(values, found, strict=True):
+        facts = FACTS._replace(criticality={limit.name: None if math.isnan(value) else value})
+        assert limit.margin(facts) == margin
+        if limit.name.startswith("rss"):  # a number of the whole run
+            assert bool(limit.reason(facts)) == (margin <= 0.0)
+
+
+def test_the_margin_of_an_event_says_whether_it_happened() -> None:
+    assert Limit.parse("timeout").margin(FACTS._replace(status="timeout")) == -1.0
+    assert Limit.parse("timeout").margin(FACTS._replace(status="completed")) == math.inf
