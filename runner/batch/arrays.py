@@ -147,7 +147,8 @@ def _doubles(document: Any) -> set[str]:
 def _compiled(
     document: Any, path: Path, fixed: dict[str, str], sets: Sets, settings: RunSettings
 ) -> tuple[Scenario | ToolchainError, Any]:
-    """The scenario of the first set and all that are like it, or its fault, and which these are."""
+    """Scenario of the first set and all sets of its structure, or its fault, and the mask of these
+    sets."""
     values: dict[str, Any] = {}
     constant: dict[str, Any] = dict(fixed)
     for name in sets[0].keys() - fixed.keys():

@@ -456,8 +456,7 @@ def _key(job: Job, counterparts: Mapping[str, str] = MappingProxyType({})) -> Id
 
 
 def runnable(arguments: Iterable[str]) -> list[Path]:
-    """The files that are meant by names of files, folders and globs; of folders and globs only what
-    can be run.
+    """Expand names of files, folders and globs; folders and globs give runnable files only.
 
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.

@@ -91,7 +91,7 @@ def inputs(
     pinned: Mapping[str, str] = MappingProxyType({}),
     packages: tuple[str, ...] = OURS,
 ) -> dict[str, Any]:
-    """Digests of files and code, settings and versions, by what they are of.
+    """Digests of files and code, settings and versions, by subject.
 
     Args:
         pinned: values of parameters that are the same in all runs: a path may be one.
@@ -204,8 +204,7 @@ def _referred(
 
 
 def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
-    """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues
-    are worked out."""
+    """Copy of a scenario with literal paths of roads and catalogues."""
     # `xosc.load` shares documents: the one here must stay as it is.
     root = Node(copy.deepcopy(root.element), root.path)
     holder = root.find("ParameterDeclarations")
@@ -261,7 +260,7 @@ def _digest_of(files: Iterable[Path]) -> str:
 
 
 def _files(origin: str, folders: Iterable[str]) -> Iterator[Path]:
-    """The files of a package, those of packages inside it included, or that of a module."""
+    """Files of a package, with packages inside it, or the file of a module."""
     files = [Path(folder) for folder in folders]
     if files:
         inside = (path for folder in files for path in folder.rglob("*"))

@@ -116,8 +116,8 @@ _OF_ERRORS = {ExitCode.USAGE, ExitCode.INVALID, ExitCode.UNSUPPORTED, ExitCode.I
 
 
 def is_sound(outcome: Outcome) -> bool:
-    """Whether an outcome from a file, which may be edited, has values of its types, and an exit
-    code of its state.
+    """Whether an outcome of a possibly edited file has values of its types, and an exit code of its
+    state.
 
     Raises:
         TypeError, KeyError, AttributeError, ValueError: it has not even their structure.
@@ -326,15 +326,15 @@ def names_of(paths: Sequence[Path]) -> list[str]:
 
 
 def _qualified(path: Path, depth: int) -> str:
-    """A file's name with those of its innermost folders."""
+    """File name with the names of its innermost folders."""
     return "-".join(_folder_name(part) for part in path.with_suffix("").parts[-depth - 1 :])[
         -_LONGEST:
     ]
 
 
 def _folder_name(text: str) -> str:
-    """A name that is safe everywhere as a folder's name, and is none of the batch's own files,
-    which have dots."""
+    """Safe folder name on all systems; without dots, so that it is none of the batch's own
+    files."""
     # No dots: `..`, hidden folders and files of the batch can't be named.
     return "".join(c if c.isalnum() or c in "-_+=" else "_" for c in text)
 

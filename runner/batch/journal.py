@@ -129,8 +129,7 @@ class Journal:
         self._flushed = -_GROUP
 
     def enter(self, outcome: Outcome) -> None:
-        """Take in a finished run, which is entered with others, within a second or with the next
-        one.
+        """Add a finished run; it is entered with others, within a second or with the next one.
 
         A run is taken in once: an interrupt between this call and its caller's note of it may bring
         the run a second time.
@@ -266,7 +265,7 @@ def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Pat
 
 
 def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Sequence[str]) -> str:
-    """Reason for which a run that was entered does not count as finished; empty where it does."""
+    """Reason why an entered run does not count as finished; empty if it does."""
     key = seal_key()
     if current().untrusted and key is None:
         return f"that --untrusted does not believe without {SEAL_KEY}"
@@ -314,7 +313,7 @@ def _entry(outcome: Outcome) -> dict[str, Any]:
 
 
 def clear_drafts(out: Path) -> None:
-    """Remove what interrupted runs left behind."""
+    """Remove drafts of interrupted runs."""
     for draft in out.glob(f"{DRAFT}*"):
         if draft.is_dir():
             shutil.rmtree(draft, ignore_errors=True)

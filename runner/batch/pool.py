@@ -154,7 +154,7 @@ class Pool:
             return broken
 
     def _recover(self, waiting: deque[_Pending]) -> None:
-        """Go on after the death of a process, which takes all unfinished jobs with it.
+        """Continue after the death of a process; all unfinished jobs are lost with it.
 
         The job to blame is among the first, those in work: each is repeated in a process of its
         own.
@@ -282,8 +282,8 @@ def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
 
 
 def begin_worker(policy: CommandPolicy, start: str) -> None:
-    """Make a worker end quietly on Ctrl-C, which reaches all processes of a
-    terminal, and when its parent has ended.
+    """Make a worker end quietly on Ctrl-C and after its parent; Ctrl-C reaches all processes of a
+    terminal.
 
     Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.
     """
@@ -406,7 +406,7 @@ class RayPool:
         return outcome
 
     def _abandon(self, awaited: dict[Any, Job]) -> None:
-        """Keep what is done, end what is still waiting or in work."""
+        """Keep finished outcomes, and cancel waiting and running jobs."""
         wait = partial(self._ray.wait, num_returns=len(awaited))
         finished, others = wait(list(awaited), timeout=0)
         for reference in others:
@@ -418,7 +418,7 @@ class RayPool:
 
 
 def _work(work: Callable[[Task], Result], folder: str, policy: CommandPolicy, task: Task) -> Result:
-    """Do a task where its relative paths lead to the same files, under the same policy."""
+    """Do a task in its own folder and under its own policy."""
     os.chdir(folder)
     with in_force(policy):
         return work(task)
@@ -460,7 +460,7 @@ def connect(address: str, processes: int) -> tuple[Any, bool]:
 
 
 def _reach(address: str) -> None:
-    """Check that a server listens there, which Ray itself would try for minutes."""
+    """Check that a server listens at an address; Ray itself would try for minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdecimal():
         socket.create_connection((host, int(port)), _LISTENING).close()

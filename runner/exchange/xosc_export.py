@@ -118,8 +118,8 @@ def xosc_export(
 
 
 def _sources(paths: list[str]) -> list[Path]:
-    """The files meant; roads, which are taken along by the scenarios on them, only where they are
-    named themselves."""
+    """Expand the given names; roads only if they are named themselves, since scenarios take theirs
+    along."""
     from runner.batch import journal
     from schemas.common.terminal.files import expand
 

@@ -189,7 +189,8 @@ class Session:
 
     @property
     def touched(self) -> tuple[str, ...]:
-        """Names of those that the ego has touched so far, in the order of the first contacts."""
+        """Names of the participants that the ego has touched, in the order of the first
+        contacts."""
         ego = self._ego.name if self._ego is not None else None
         pairs = (names for _, *names in self._sim.contacts.history if ego in names)
         return tuple(dict.fromkeys(second if first == ego else first for first, second in pairs))
@@ -217,7 +218,7 @@ class Session:
         return self.running
 
     def finish(self, progress: Callable[[float], object] | None = None) -> RunResult:
-        """Step until the run ends, close it, and give what it leaves behind.
+        """Step until the run ends, close it, and return its result.
 
         Args:
             progress: called after each step with the simulation time (s).
@@ -336,7 +337,7 @@ class Session:
         return result
 
     def close(self) -> None:
-        """Free the simulator, and what the system under test holds; the results stay.
+        """Free the simulator and the system under test; the results stay.
 
         Raises:
             ToolchainError: the system under test fails while it ends.

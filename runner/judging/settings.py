@@ -273,7 +273,7 @@ class RunSettings:
 
     @classmethod
     def chosen(cls, settings: Self | None, changes: SettingChanges) -> Self:
-        """Return settings with changes; those of the project where there are none.
+        """Return settings with changes; the project's settings by default.
 
         Raises:
             UsageError: a change is of no setting, or a value is out of its range.

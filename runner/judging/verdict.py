@@ -73,7 +73,7 @@ def results_of_criteria(
 
 
 def criteria_remarks(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """Return the remarks on criteria whose parameters have no meaning."""
+    """Return the remarks on criteria with parameters that have no meaning."""
     return tuple(
         f"{criterion.name}: {criterion.remark}"
         for criterion in criteria

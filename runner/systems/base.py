@@ -1,4 +1,4 @@
-"""Systems under test: what they see, what they answer, and how they are found.
+"""Systems under test: observations, answers, and parameters.
 
 A system under test drives one entity, the ego. Each step it is given an `Observation` and answers
 with a `Control`, or with a `Pose` where it has a vehicle model of its own. What a `Control` leaves
@@ -203,8 +203,7 @@ through"""
 
 
 class SystemUnderTestError(ToolchainError):
-    """Failure of a system under test, which is named: no verdict on it, and no defect of the
-    toolchain."""
+    """Named failure of a system under test: no verdict on it, and no defect of the toolchain."""
 
 
 class SystemFailure(Exception):

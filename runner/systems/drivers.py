@@ -107,7 +107,7 @@ def is_called_ego(entity: Entity) -> bool:
 def driver_of(
     scenario: Scenario, ego: Entity, system: System, timestep: float, seed: int
 ) -> EgoDriver:
-    """Return the ego's driver for a system under test, which is reset; timestep in s."""
+    """Reset a system under test, and return the ego's driver for it; timestep in s."""
     try:
         system.reset(seen(ego), timestep, seed)
     except RAISED as error:
@@ -236,7 +236,7 @@ class WorldDriver(EgoDriver):
 
 
 class SystemDriver(EgoDriver):
-    """Turns the controls of a system under test into what it wants of the ego's motion.
+    """Turns the controls of a system under test into requests for the ego's motion.
 
     Args:
         system: the system under test.
@@ -575,7 +575,7 @@ def _signals(run: Run, ego: Entity) -> Sequence[SignalAhead]:
 
 
 def failed(system: System, error: BaseException, time: float) -> ToolchainError:
-    """An error of a system under test, which is named, at a simulation time (s)."""
+    """Error of a named system under test at a simulation time (s)."""
     if isinstance(error, ToolchainError):
         # Errors of a kind of their own, as a wrong file, keep it: the exit code follows from it.
         if type(error) is not ToolchainError:

@@ -1,4 +1,4 @@
-"""Participants ahead as the ego sees them, along and across its heading: what drivers decide by.
+"""Participants ahead as the ego sees them, along and across its heading: inputs of drivers.
 
 Formulas hold for one run and, as arrays, for many, so that a law is written once: conditions are
 combined by `&` and `|`, and both sides of a choice are worked out. Parameters of type `Any` that
@@ -70,7 +70,7 @@ def tanh(value: Any) -> Any:
 
 
 class AheadParticipant(NamedTuple):
-    """Participant whose centre is ahead of the ego's, in the ego's straight frame.
+    """Participant with its centre ahead of the ego's, in the ego's straight frame.
 
     Numbers, or arrays of them over many cases.
 
@@ -122,8 +122,7 @@ def encounters_arrays(observations: BatchObservation) -> tuple[BoolArray, AheadP
 
 
 def stop_line(observation: Observation) -> AheadParticipant | None:
-    """The line at which a signal forbids to go on, as something that stands in the way; None once
-    the front is beyond it."""
+    """Stop line of a signal as an obstacle in the way; None once the front is beyond it."""
     line, ego = observation.stop_line, observation.ego
     if line is None:
         return None
@@ -132,7 +131,7 @@ def stop_line(observation: Observation) -> AheadParticipant | None:
 
 
 def stop_line_arrays(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
-    """The same in many runs (n,): where there is such a line, and all lines."""
+    """Stop lines in many runs (n,): mask of runs with a line, and all lines."""
     ego, away = observations.ego, np.asarray(observations.stop_line.distance)
     is_there = np.isfinite(away)
     found = _line("", np.where(is_there, away, 0.0), ego.box, ego.speed)

@@ -188,9 +188,7 @@ def _declared(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, s
 
 
 def _values(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, float | str]:
-    """Values of all parameters of a run; of a file that is gone or damaged those
-    that were given.
-    """
+    """Values of all parameters of a run; only the given ones if the file is gone or damaged."""
     try:
         texts = _declared(scenario, given) | dict(given)
     except (ToolchainError, OSError):
@@ -363,7 +361,7 @@ def _summary(total: Total) -> dict[str, Any]:
 
 
 def _trace(rows: Sequence[RunRow], out: Path) -> dict[str, str]:
-    """Tool, system under test and settings; the system's parameters are those that runs state."""
+    """Tool, system under test and settings; the system's parameters as stated by runs."""
     results = (out / row.run["name"] / RESULT for row in rows if row.run["state"] != "error")
     # Runs state the parameters as they were in force, the batch only those that were given.
     first = next((read_object(path) for path in results if path.is_file()), {})

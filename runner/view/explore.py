@@ -170,7 +170,7 @@ class Explored:
 
 
 def _varied(space: ParameterSpace) -> dict[str, list[str]]:
-    """Values that a variation file gives each parameter, those of its first set first."""
+    """Values of each parameter in a variation file, the first set's first."""
     if space.distribution is None:
         return {}
     count = min(space.size, _LOOKED_AT)

@@ -1,5 +1,4 @@
-"""Dry runs, which load and compile everything and bring it to time 0, and triage of foreign files
-by them and by full runs.
+"""Dry runs: files loaded, compiled and brought to time 0; triage of foreign files by them.
 
 Triage gives one row a file: fine, playing with repairs, testing nothing, or refused and by which
 cause. `xosc-check --triage` loads this module by its name, for checking is a floor below running.
@@ -59,8 +58,7 @@ def rehearse_batch(
 
 
 class Pairwise:
-    """Jobs without those parameter sets in which no two values meet for the first time; the first
-    `ALL` of a file are kept.
+    """Jobs with a new pair of parameter values, and the first `ALL` jobs of a file.
 
     Attributes:
         sets: how many sets of each file there have been, those left out among them.
@@ -295,7 +293,7 @@ def causes(files: Sequence[TriagedFile]) -> list[tuple[str, list[TriagedFile]]]:
 
 
 def text(files: Sequence[TriagedFile]) -> str:
-    """The groups with a line a file, those that are refused by cause; then the summary."""
+    """Groups with a line a file, sorted by cause; then the summary."""
     lines = []
     for group, meaning in GROUPS.items():
         members = [file for file in files if file.group == group]
@@ -312,7 +310,7 @@ def text(files: Sequence[TriagedFile]) -> str:
 
 
 def _remedy(file: TriagedFile) -> str:
-    """Second part of a message: what is assumed, or what can be done."""
+    """Second part of a message: assumption or remedy."""
     rest = _REST.split(BREACH.sub("", file.message), 1)[1:]
     return f" ({rest[0].strip()})" if rest and rest[0].strip() else ""
 

@@ -103,8 +103,8 @@ def report(out: Path) -> dict[str, Any]:
 def _evidence(
     runs: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Evidence of all runs, a row a kind: runs that have counted it, the least of their values, and
-    those below the least value."""
+    """Evidence of all runs, a row a kind: number of runs, least value, and number of runs below the
+    required value."""
     from runner.judging.evidence.least import least_values  # they need the engine
     from runner.judging.evidence.rows import ROWS
 
@@ -145,8 +145,7 @@ def _measures() -> dict[str, dict[str, Any]]:
 
 
 def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str, Any]:
-    """The same with what an earlier batch had: each run's state and measures there, and the runs
-    that are gone.
+    """Add states and measures of an earlier batch to each run, and the runs that are gone.
 
     A run is that of before when its file is, see `counterparts_of`, with the same parameters and
     seed.
@@ -184,8 +183,8 @@ def _before(run: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any] |
 
 
 def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
-    """Write the pages that play runs beside what they were before: of the first that the page lists
-    of each kind of change.
+    """Write pages that play runs beside their earlier versions, for the first runs of each kind of
+    change.
 
     Runs without a replay have none, nor have those whose results before are gone.
     """
@@ -406,7 +405,7 @@ def history(batches: Sequence[Path], folder: Path) -> dict[str, Any]:
 
 
 def _titles(batches: Sequence[Path]) -> list[str]:
-    """Names of the folders, with those above them where they are alike."""
+    """Names of the folders, with the folders above if names are alike."""
     names = [batch.resolve().name for batch in batches]
     return [
         name

@@ -49,8 +49,7 @@ RUN_FILES = {
 
 
 def write_run(result: RunResult, folder: Path, plot: bool = False) -> dict[str, Any]:
-    """Write a run's files into its folder, which appears only when it is complete; its criticality
-    measures.
+    """Write a run's files into its folder, whole or not at all; return its criticality measures.
 
     Args:
         plot: add a picture.
@@ -154,7 +153,7 @@ def read_setup(path: Path) -> Setup:
 
 
 def load_run(folder: Path, road: Path | None = None) -> RunResult:
-    """The run whose results lie in a folder.
+    """Load the run of a folder of results.
 
     Args:
         road: the OpenDRIVE file, where it is not any more where the run had it.
@@ -208,8 +207,8 @@ def _setup(values: Mapping[str, Any]) -> Setup:
 
 
 def _verdict(values: Mapping[str, Any]) -> Verdict:
-    """The verdict; runs of earlier versions have no causes, and no evidence, which is none that
-    they passed."""
+    """Verdict of a run; runs of earlier versions have no causes, and without evidence none has
+    passed."""
     failures = tuple(map(str, values["reasons"])) if values["verdict"] == FAILED else ()
     causes = tuple(
         Cause(str(cause["name"]), str(cause["text"])) for cause in values.get("causes", ())

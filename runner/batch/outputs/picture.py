@@ -1,5 +1,4 @@
-"""A run as one picture: the road from above with everyone's way on it, speeds, and how critical it
-was for the ego."""
+"""A run as one picture: the road from above with all ways, speeds, and criticality for the ego."""
 
 from __future__ import annotations
 

@@ -24,8 +24,7 @@ _SEVERITY = {"speed": "impact_speed", "delta_v": "delta_v", "risk": "fatality_ri
 
 
 def summary(result: RunResult) -> dict[str, Any]:
-    """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the
-    ego."""
+    """Run as a few JSON-able values: scenario, end, reasons, and criticality for the ego."""
     network = result.recording.network
     return {
         "scenario": result.scenario.name,
@@ -141,7 +140,7 @@ def write_json(values: dict[str, Any], path: Path) -> None:
 
 
 def finite(value: Any) -> Any:
-    """The same values with infinite numbers as None, which JSON can hold."""
+    """Replace infinite numbers by None, which JSON can hold."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, dict):

@@ -1,5 +1,5 @@
-"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on
-standard error, those that many runs share once."""
+"""Verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard
+error, shared ones once."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ class OutcomeTable:
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
 
     def compare(self, earlier: BatchComparison, replays: Path | None) -> None:
-        """Print what has changed since an earlier batch.
+        """Print the changes since an earlier batch.
 
         Args:
             replays: output folder with replays of the runs; None where there are none.

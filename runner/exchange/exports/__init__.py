@@ -27,7 +27,7 @@ class ExportTarget(NamedTuple):
 
 
 def find_targets() -> dict[str, ExportTarget]:
-    """All targets by name, those of documents first."""
+    """All targets by name, targets of documents first."""
     return {
         target.name: target for of_run in (False, True) for target in sorted(_in_folder(of_run))
     }

@@ -119,7 +119,7 @@ def export_runs(
 
 
 def _runnable(sources: Sequence[Path]) -> Iterator[Path]:
-    """The sources without catalogues, whose entries are part of the scenarios that use them."""
+    """Sources without catalogues; entries of these are part of the scenarios that use them."""
     for source in sources:
         try:
             if load(source).kind == "catalog":

@@ -1,5 +1,5 @@
-"""Scenarios on their roads, for exports of documents: what the runner makes of positions,
-trajectories and routes."""
+"""Scenarios on their roads, for exports of documents: positions, trajectories and routes as the
+runner has them."""
 
 from __future__ import annotations
 
@@ -217,8 +217,7 @@ class RunnerGeometry:
         actor: str | None = None,
         pose: Pose = (0.0, 0.0, 0.0, 0.0),
     ) -> Sequence[Vertex] | None:
-        """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on
-        what happens."""
+        """Vertices of a Trajectory from a distance (m) on; None if it depends on the run."""
         found = Trajectory.from_xml(trajectory, self._context)
         track = found.fixed
         if (

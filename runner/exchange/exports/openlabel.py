@@ -1,5 +1,5 @@
-"""Target `openlabel`: ASAM OpenLABEL JSON with the scenario's tags, and the box and speed of
-everyone in every frame.
+"""Target `openlabel`: ASAM OpenLABEL JSON with the scenario's tags, and the box and speed of each
+participant in every frame.
 
 Source: ASAM OpenLABEL 1.0.0, chapters 7 (multi-sensor data labelling) and 8 (scenario tagging).
 Cuboids are those of the bounding boxes: centre (m) and Euler angles about x, y and z (rad) in the
@@ -194,7 +194,7 @@ def _events(result: RunResult) -> dict[str, Any]:
 
 
 def _described(track: Track, ego: str | None) -> dict[str, Any]:
-    """Return the properties of a participant that are the same at all times."""
+    """Return the constant properties of a participant."""
     box = track.box
     centre = {"name": "box_centre", "val": [box.x, box.y, box.z]}
     numbers = [

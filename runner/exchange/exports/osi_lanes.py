@@ -281,8 +281,7 @@ def _fill_limit(lane: Any, limit: float) -> None:
 
 
 def _inner(key: Key) -> Key:
-    """The border on the inner side of a lane, as the lane whose outer border it is; 0 is the
-    middle."""
+    """Key of the inner border of a lane: the lane with that outer border; 0 is the middle."""
     road_id, section, lane = key
     return road_id, section, lane + (1 if lane < 0 else -1)
 
@@ -296,8 +295,8 @@ def _stations(road: Road, section: Any) -> list[float]:
 
 
 def _needed(points: np.ndarray) -> list[int]:
-    """Rows of a line, x, y, z and s, that are needed: its ends, and those between which x, y and z
-    are linear in s."""
+    """Rows of a line (x, y, z and s) that are needed: its ends, and rows with x, y and z linear in
+    s between them."""
     kept, pending = {0, len(points) - 1}, [(0, len(points) - 1)]
     while pending:
         first, last = pending.pop()

@@ -1,5 +1,5 @@
-"""Target `sumo`: the network, everyone's route, a configuration to start from, and the run itself
-as FCD output.
+"""Target `sumo`: the network, the vehicles' routes, a configuration, and the run itself as FCD
+output.
 
 Frames: SUMO's positions are those of the middle of the front bumper, its angles degrees clockwise
 from north. Times and places of the FCD file are those of the run; a simulation of the routes moves
@@ -164,7 +164,7 @@ def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, La
 
 
 def _edges(places: _Places) -> list[str]:
-    """The edges passed, without those inside junctions, which routes leave out."""
+    """Edges passed, without edges inside junctions, which routes leave out."""
     edges = [place.lane.rpartition("_")[0] for place in places if place is not None]
     outside = [edge for edge in edges if not edge.startswith(":")]
     return [

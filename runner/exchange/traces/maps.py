@@ -485,7 +485,7 @@ def is_trace(path: Path) -> bool:
 
 
 def load_trace(path: Path, road: Path | None = None) -> RunResult:
-    """The recording of an OSI trace, as a run in which nothing was tested.
+    """Load the recording of an OSI trace as a run that tested nothing.
 
     Args:
         road: the OpenDRIVE file; by default what the trace has

@@ -264,8 +264,7 @@ class _Collected:
 
 
 def _together(remarks: list[str]) -> list[str]:
-    """The remarks, each once; those of several objects name the first one and say how many there
-    are."""
+    """Remarks, each once; remarks on several objects name the first one and their number."""
     of: dict[str, list[str]] = {}
     for remark in remarks:
         who, parted, what = remark.partition(": ")
@@ -287,7 +286,7 @@ def _vector(value: Any) -> tuple[float, float, float]:
 
 
 def _surroundings(each: _TraceObject) -> str | None:
-    """Reason for which an object is no participant; None where it is one."""
+    """Reason why an object is no participant; None if it is one."""
     if not each.stationary or any(one.type == SCENARIO for one in each.first.source_reference):
         return None
     kind = _enum(each.first.classification, "type")

@@ -1,4 +1,4 @@
-"""Criteria of a scenario: what its ego has to do, or must not do, for the run to pass.
+"""Criteria of a scenario: conditions that its ego has to meet for the run to pass.
 
 OpenSCENARIO has no element for them. CARLA's scenario_runner reads them from stop triggers: a
 condition called `criteria_CollisionTest` that holds a ParameterCondition is no condition but the

@@ -1,5 +1,5 @@
-"""Criteria: their registry, their findings, and those that a scenario declares in its stop
-triggers, as for CARLA."""
+"""Criteria: registry, findings, and declarations in the stop triggers of scenarios, as for
+CARLA."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Drive:
         return np.hypot(np.diff(self.columns["x"]), np.diff(self.columns["y"]))
 
     def at(self, ahead: float, left: float) -> tuple[np.ndarray, np.ndarray]:
-        """World positions (n,) of the point that is so far ahead and to the left of the reference
+        """World positions (n,) of a point at distances ahead and to the left of the reference
         point, m."""
         columns = self.columns
         cos, sin = np.cos(columns["h"]), np.sin(columns["h"])
@@ -163,7 +163,7 @@ def criterion(
     parameters: dict[str, float | None] | None = None,
     on_roads: bool = False,
 ) -> Callable[[_Evaluate], _Evaluate]:
-    """Register a function of a drive as a criterion; the arguments are those of `CriterionKind`."""
+    """Register a function of a drive as a criterion; arguments as in `CriterionKind`."""
 
     def register(evaluate: _Evaluate) -> _Evaluate:
         _registered[name.casefold()] = CriterionKind(

@@ -148,7 +148,7 @@ class _EvidenceArrays(RunRows):
 
 
 class ArrayJudge:
-    """Keeps what runs do, and judges them at their ends: an observer of `ArraySimulation`.
+    """Records runs, and judges them at their ends: an observer of `ArraySimulation`.
 
     Args:
         scenario: the compiled scenario.
@@ -210,7 +210,7 @@ class ArrayJudge:
         return found
 
     def step(self, run: ArraySimulation) -> None:
-        """Keep an instant, and look at what evidence is counted from."""
+        """Keep an instant, and update the facts that evidence is counted from."""
         everyone = _everyone(run)
         part = self._part
         # A segment is of one set of runs: where some ended, another begins, so that it has no gaps.
@@ -278,7 +278,7 @@ class ArrayJudge:
                 self._spare.append(_memory(measured))
 
     def _look(self, run: ArraySimulation, others: list[EntityRows]) -> None:
-        """Look at what evidence is counted from."""
+        """Update the facts that evidence is counted from."""
         ego, seen = run.ego, self._seen
         limits = ego.declared.performance
         speed = np.abs(ego.speed)
@@ -319,7 +319,7 @@ class ArrayJudge:
         seen.doubt |= run.going & ego.at_road_end
 
     def _look_for_jumps(self, run: ArraySimulation, everyone: list[EntityRows]) -> None:
-        """Leave runs to the interpreter in which someone was put elsewhere within the step."""
+        """Leave runs with a jump of a participant within the step to the interpreter."""
         part = self._part
         assert part is not None
         places = part.values[:, :2]

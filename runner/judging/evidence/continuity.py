@@ -114,8 +114,7 @@ def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[str]
 
 
 def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
-    """Sentences on participants that begin far above or below the road, or whose box is not about
-    them."""
+    """Sentences on participants that begin far above or below the road, or far from their box."""
     for track in recording.tracks.values():
         entity = scenario.entities.get(track.name)
         if entity is None or not len(track.columns["time"]):
@@ -134,7 +133,7 @@ def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
 
 
 def displaced_boxes(entities: Iterable[Entity]) -> Iterator[str]:
-    """Sentences on participants whose box is not about them."""
+    """Sentences on participants with a reference point far from their box."""
     for entity in entities:
         box, node = entity.box, entity.declared.node
         where = f"{node.where}: " if node is not None else ""
@@ -196,7 +195,7 @@ def interrupted(
 
 
 def _jumps(track: Track) -> list[float]:
-    """Times (s) of the rows after which a participant is put elsewhere."""
+    """Times (s) of the rows before jumps of a participant."""
     columns = track.columns
     time, speed = columns["time"], np.abs(columns["speed"])
     if len(time) < 2:

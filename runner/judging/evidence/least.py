@@ -15,7 +15,7 @@ from schemas.common.errors import UsageError, nearest
 
 
 def collect(run: Observed, least: Mapping[str, float] | None = None) -> tuple[RunEvidence, ...]:
-    """All evidence of a run; before its end that which a dry run knows.
+    """All evidence of a run; before its end the evidence of dry runs.
 
     Args:
         least: least values by name, where others than those of `ROWS` are wanted.

@@ -1,5 +1,4 @@
-"""Progress of a storyboard: the events that a run had to bring, those that started, and why others
-did not."""
+"""Progress of a storyboard: planned events, started events, and reasons for the others."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
-    """One sentence on each reason for which elements can't start any more.
+    """One sentence on each reason that keeps elements from starting.
 
     Args:
         board: the storyboard as the run has left it.
@@ -90,8 +89,8 @@ def left_out(sim: Simulation) -> Iterator[str]:
 
 
 def endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
-    """A sentence on an action of others whose end the stop trigger waits for, where a limit of the
-    run came first."""
+    """Sentence on a running action of others if the stop trigger waits for its end and a limit of
+    the run came first."""
     trigger = sim.storyboard.stop_trigger
     if sim.finished or trigger is None:
         return
@@ -124,8 +123,7 @@ def unmet(sim: Simulation) -> Iterator[str]:
 
 
 def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) -> Element | None:
-    """The element that has not started, of a sound run, and whose state a group of conditions waits
-    for."""
+    """Element of a sound run that has not started, if a group of conditions waits for its state."""
     for timed in group:
         condition = timed.condition
         if isinstance(condition, StoryboardElementStateCondition):
@@ -138,7 +136,7 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
 
 
 def without_effect(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events have empty actions and custom commands alone, without
+    """Sentence on a storyboard if its events have empty actions and custom commands alone, without
     effect here."""
     events = [event for act in sim.storyboard.acts for event in act.events]
     named = [event for event in events if event.actions and _is_without_effect(event)]
@@ -157,7 +155,7 @@ def _is_without_effect(event: Event) -> bool:
 
 
 def _running(group: Sequence[TimedCondition], sim: Simulation, ego: Entity | None) -> Event | None:
-    """The event of others that runs and whose end a group of conditions waits for."""
+    """Running event of others if a group of conditions waits for its end."""
     for timed in group:
         condition = timed.condition
         if isinstance(condition, StoryboardElementStateCondition) and not condition.evaluate(sim):
@@ -202,8 +200,7 @@ def mishap_events(sim: Simulation) -> list[Event]:
 
 
 def mishap_awaited(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events wait for a contact, and for nothing else, where none
-    has started."""
+    """Sentence on a storyboard if its events wait for a contact alone and none has started."""
     waiting = mishap_events(sim)
     events = [event for act in sim.storyboard.acts for event in act.events]
     if waiting and not any(Transition.START in event.first for event in events):
@@ -214,8 +211,8 @@ def mishap_awaited(sim: Simulation) -> Iterator[str]:
 
 
 def _awaits_mishap(trigger: Trigger | None, mishaps: Container[Element]) -> bool:
-    """Whether each group of a trigger waits for a mishap, or for what one of
-    these elements does.
+    """Whether each group of a trigger waits for a mishap, or for the state of one of these
+    elements.
     """
 
     def follows(condition: Condition) -> bool:
@@ -315,8 +312,8 @@ def first_event(sim: Simulation) -> float:
 
 
 def idle(awaited: list[Event], sim: Simulation) -> str:
-    """Sentence on events that have not started: what ended the run, and what the first of them
-    waited for."""
+    """Sentence on events that have not started: end of the run, and condition of the first of
+    them."""
     first = awaited[0]
     act = _act_of(first)
     waiting = act.trigger if Transition.START not in act.first else first.trigger
@@ -330,7 +327,7 @@ def idle(awaited: list[Event], sim: Simulation) -> str:
 
 
 def end_of(sim: Simulation) -> str:
-    """Words on what ended the run."""
+    """Cause of the end of the run, in words."""
     trigger = sim.storyboard.stop_trigger
     if not sim.finished:
         return "a limit of the run"

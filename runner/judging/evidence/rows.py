@@ -152,7 +152,7 @@ def _sound(texts: Iterable[str]) -> Count:
 
 
 def _share(done: int, planned: int, texts: Iterable[str] = ()) -> Count:
-    """Count of a row whose whole plan is to be done."""
+    """Count of a row that is a share of a plan."""
     return Count(done / planned if planned else 1.0, planned, tuple(texts))
 
 

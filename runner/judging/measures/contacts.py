@@ -63,7 +63,7 @@ def post_encroachment_time(
 def _least(
     ego: MotionRows, others: Sequence[MotionRows], step: float, longest: int
 ) -> Extreme | None:
-    """The same of some others, with times as multiples of a step (s)."""
+    """Post-encroachment time with some others; times are multiples of a step (s)."""
     everyone, who = joined(others)
     mine, theirs = (
         _instants(ego.time, step, np.zeros(len(ego.time), np.int64)),
@@ -270,8 +270,7 @@ def _outline(motion: MotionRows, row: int) -> shapely.Polygon:
 
 
 def _closing_time(gap: FloatArray, closing: FloatArray) -> FloatArray:
-    """Times (s) in which signed gaps close, 0 where there is none; infinite where one does not
-    close."""
+    """Times (s) until signed gaps close; 0 without a gap, infinite if it does not close."""
     closes = (np.abs(closing) > _STILL) & (gap * closing > 0.0)
     endless = np.where(gap == 0.0, 0.0, np.inf)
     return np.divide(gap, closing, out=endless, where=closes)
@@ -342,8 +341,8 @@ class Conflict:
 
 
 def _along(motion: MotionRows, row: int, way: FloatArray) -> MotionRows:
-    """A participant on its own path, so far (m) from where it is at a row; straight on where the
-    path has ended."""
+    """Participant at distances (m) along its own path from a row on; straight on beyond the end of
+    the path."""
     x, y = motion.x[row:], motion.y[row:]
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     # `np.interp` needs ascending ways: rows in standstill are left out.

@@ -49,8 +49,8 @@ def time_to_collision(gap: FloatArray, closing: FloatArray) -> Series:
 
 
 def time_headway(gap: FloatArray, speed: FloatArray) -> Series:
-    """gap / own speed, while driving: the time after which the ego's front is where the lead's rear
-    is now."""
+    """gap / own speed, while driving: time until the ego's front is at the present place of the
+    lead's rear."""
     return _quotient(gap, speed, speed > _STILL)
 
 
@@ -87,7 +87,7 @@ def _violated(gap: FloatArray, margin: FloatArray) -> BoolArray:
 
 
 def rss_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
-    """Distance (m) left before RSS is violated, negative by what is missing where it is.
+    """Distance (m) left before RSS is violated; negative by the missing distance once it is.
 
     One behind the other, the longitudinal gap minus its safe distance; side by side, the lateral
     one; else the greater of the two, since either safe distance alone is enough.
@@ -253,7 +253,7 @@ def _column(name: str) -> str:
 
 
 def criticality(ego: MotionRows, others: Sequence[MotionRows]) -> Criticality:
-    """All measures of an ego against everyone else."""
+    """All measures of an ego against all other participants."""
     count = len(ego.time)
     gap, closing = np.full(count, np.inf), np.zeros(count)
     distance, collided = np.full(count, np.inf), np.zeros(count, bool)

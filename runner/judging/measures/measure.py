@@ -1,5 +1,4 @@
-"""Criticality measures of a run: what each one means, their registry, and limits on them by which
-runs fail (`--fail-if`).
+"""Criticality measures of a run: meanings, registry, and limits that fail runs (`--fail-if`).
 
 A limit is a measure and a number, as `min_ttc<1`, or one of `EVENTS`.
 
@@ -125,8 +124,8 @@ class RunMeasure(ABC):
     greatest: ClassVar[float] = math.inf
 
     def defined(self, run: Any) -> float:
-        """Share of the ego's time in which it was defined, or would have been had there been
-        reason; see `validity`.
+        """Share of the ego's time with a value, or with nothing critical to measure; see
+        `validity`.
 
         By default the share in which another participant was there, or all of it with the validity
         `ALWAYS`.
@@ -139,7 +138,7 @@ class RunMeasure(ABC):
         None where it is not defined."""
 
     def result(self, run: Any) -> Extreme | float | None:
-        """`of`, whose errors are told with the measure's name where a package brings it.
+        """Call `of`; errors of measures of packages are raised with the measure's name.
 
         Raises:
             UsageError: the measure of an installed package failed.
@@ -168,7 +167,7 @@ _Class = TypeVar("_Class", bound=type[RunMeasure])
 
 
 def measure(kind: _Class) -> _Class:
-    """Register a class of measures, whose constructor takes no argument."""
+    """Register a class of measures; its constructor takes no argument."""
     register(kind())
     return kind
 

@@ -94,7 +94,7 @@ class MotionRows:
         return np.cos(self.h), np.sin(self.h)
 
     def at(self, rows: IntArray | BoolArray) -> MotionRows:
-        """The same at some of its instants."""
+        """Motion at some of the instants."""
         sizes: tuple[Any, ...] = self.box
         box = (
             self.box if np.ndim(sizes[0]) == 0 else BoundingBox(*(values[rows] for values in sizes))
@@ -113,8 +113,8 @@ _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
 
 @lru_cache(maxsize=1)  # several measures of one scene ask for it
 def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
-    """The rows of several participants, one participant after the other, and which one each row is
-    of."""
+    """Rows of several participants, one participant after the other, and the index of the
+    participant by row."""
     sizes = [len(motion.time) for motion in motions]
     boxes = BoundingBox(
         *np.repeat(np.array([motion.box for motion in motions], np.float64).T, sizes, axis=1)

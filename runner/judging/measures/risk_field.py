@@ -166,7 +166,7 @@ def _approach(ego: MotionRows, other: MotionRows) -> _RelativeMotion:
 def _candidates(
     ego: MotionRows, other: MotionRows, parameters: FieldParameters, bounded: _Bounded
 ) -> IntArray:
-    """Rows among which those with the greatest probability and the greatest risk are.
+    """Candidate rows for the greatest probability and the greatest risk.
 
     What the rows with the greatest bounds reach, others have to reach by theirs.
     """
@@ -180,8 +180,8 @@ def _candidates(
 
 
 def _roughly(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArray:
-    """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most,
-    which few sums give.
+    """Logarithms of rough upper bounds of the probabilities (n,) of an overlap at any look-ahead
+    time.
 
     Times are taken some together: as if one came as near as it comes between them, and then at the
     last of them.
@@ -203,7 +203,8 @@ def _roughly(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArr
 
 
 def _finely(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArray:
-    """The same at each look-ahead time by itself, and at once, when boxes may touch."""
+    """Logarithms of upper bounds over all look-ahead times, the present included, as boxes may
+    touch now."""
     bound: FloatArray = _bounds(approach, np.append(0.0, parameters.times), parameters).max(axis=0)
     return bound
 
@@ -211,8 +212,8 @@ def _finely(approach: _RelativeMotion, parameters: FieldParameters) -> FloatArra
 def _bounds(
     approach: _RelativeMotion, times: FloatArray, parameters: FieldParameters
 ) -> FloatArray:
-    """Logarithms of what the probabilities of an overlap (k, n) at look-ahead times (k,) are at
-    most, by Chernoff's bound."""
+    """Logarithms of Chernoff's upper bounds of the probabilities of an overlap (k, n) at look-ahead
+    times (k,)."""
     time = times[:, None]
     bounds = np.zeros((len(time), len(approach.place[0])))
     for place, velocity, half, deviation in zip(

@@ -1,5 +1,4 @@
-"""Measures of many runs while they are played: those of `criticality` that runs in arrays need,
-of one ego and everyone else.
+"""Measures of many runs while they are played: the subset of `criticality` for runs in arrays.
 
 Motions come in segments, some instants of all runs (c, k); everyone is there at all instants.
 """
@@ -120,7 +119,7 @@ class ArrayMeasures:
         self._impacts = _Impacts(n, len(boxes) - 1)
 
     def add(self, part: Segment, sizes: IntArray) -> Iterator[Segment]:
-        """Take in the next segment; those that are measured and no longer needed.
+        """Add the next segment; yield segments that are measured and no longer needed.
 
         A segment waits until it is known which way everyone faces who has not moved yet.
 
@@ -242,8 +241,8 @@ class ArrayMeasures:
 
 
 class _Impacts:
-    """First contacts of n runs: the earliest one with anyone, of several at one instant that with
-    the first of the others.
+    """First contacts of n runs; of several at one instant the contact with the first participant
+    counts.
 
     Args:
         n: number of runs.
@@ -322,8 +321,8 @@ def _relation(
     bounds: FloatArray,
     valid: BoolArray | None,
 ) -> tuple[FloatArray, View, BoolArray]:
-    """Distance of the boxes, the other one as the ego sees it, and whether both are on the same
-    level, at instants of runs (c, k).
+    """Distance of the boxes, view of the other one, and mask of one level, at instants of runs (c,
+    k).
 
     Distances above the least one of a run are infinite where the other is far away.
 

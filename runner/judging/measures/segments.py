@@ -49,7 +49,7 @@ class Segment:
 
 
 class MotionAlong(NamedTuple):
-    """A participant at instants of some runs (c, k), which way it faces along its road (+1 towards
+    """Participant at instants of some runs (c, k), its direction along the road (+1 towards
     increasing s, else −1), and its lateral speed towards +t, m/s."""
 
     rows: MotionRows
@@ -112,8 +112,7 @@ class RoadMotion:
             old[part.at] = now[-1]
 
     def _coded(self, part: Segment, number: int, sizes: IntArray) -> IntArray:
-        """Codes of the names of roads (c, k) in place of the keys, and s and t of who is off
-        roads."""
+        """Replace keys of roads by codes of their names (c, k), and set s and t off roads."""
         roads = part.roads[number, : part.count]
         # Most participants stay on one road for a segment: no keys have to be sorted then.
         key = int(roads[0, 0])

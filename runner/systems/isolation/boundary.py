@@ -1,5 +1,5 @@
-"""Systems under test of the user behind a boundary: each in a process of its own group, which a run
-asks by messages.
+"""Systems under test of the user behind a boundary: processes of their own groups, asked by
+messages.
 
 Whatever a class does there (exit, crash, hang, fork, print, close streams) is an error of that
 system in that run. A process serves one run after the other, each with a new instance, so that its
@@ -171,8 +171,8 @@ class _SystemProcess:
         return answer
 
     def _answer(self, limit: float) -> bytes:
-        """The answer; the death of a process whose copies hold the connection open is noticed as
-        well."""
+        """Wait for the answer; notice the death of the process even if copies of it hold the
+        connection open."""
         end = time.monotonic() + limit
         while True:
             left = end - time.monotonic()
@@ -239,7 +239,7 @@ class _SystemProcess:
         return f"its process was ended by {name}{killed}"
 
     def abandon(self) -> None:
-        """Let go of a process that is another process's, of which this one is a copy."""
+        """Release a process of the parent that this process was forked from."""
         self._connection.close()
         self._process.returncode = 0  # it is not waited for here
 

@@ -213,7 +213,7 @@ class _SystemServer:
 
 
 class _RoadsOnDemand(RoadNetwork):
-    """The road network of a file, which is read when a system asks for something of it."""
+    """Road network of a file; read at the first use of an attribute."""
 
     # Without the fields of `RoadNetwork`: they come with the file.
     def __init__(self, path: str, file: str) -> None:

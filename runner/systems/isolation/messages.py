@@ -391,7 +391,7 @@ def _json(name: str, value: Any) -> Any:
 
 
 def _distinct(values: list[Any]) -> tuple[list[Any], list[int]]:
-    """Distinct objects, and which of them each one is."""
+    """Distinct objects, and the index of each object among them."""
     places: dict[int, int] = {}
     distinct: list[Any] = []
     for value in values:

@@ -398,8 +398,7 @@ class DriverAssistance:
                 yield self._target(view.x, view.y, extent, ego, other, (c, s), curvature)
 
     def targets_arrays(self, seen: BatchObservation) -> tuple[BoolArray, RadarTarget]:
-        """Participants in many runs (p, n): a mask of those in the field of view, and all as
-        targets."""
+        """Participants in many runs (p, n): mask of the field of view, and all as targets."""
         ego, others = seen.ego, seen.others
         view = seen_by(ego, others)
         extent = extents(view, others.box)
@@ -472,8 +471,8 @@ class _Delayed:
         is_full: BoolArray,
         latency: float,
     ) -> tuple[FloatArray, BoolArray]:
-        """Add the decisions of runs at times (n,), s, and give those of a latency (s) before;
-        infinite where there is none."""
+        """Add the decisions of runs at times (n,), s, and return the decisions of a latency (s)
+        before; infinite without one."""
         begin = run * self._most
         place = begin + self._end[run] % self._most
         self._time[place], self._demand[place], self._is_full[place] = time, demand, is_full

@@ -123,7 +123,7 @@ class EmergencyBraking:
         return choose(full, _FULL, choose(braking, _PARTIAL, holding))
 
     def acceleration(self, stage: Any) -> Any:
-        """The acceleration (m/s²) of what it does."""
+        """Acceleration (m/s²) of a stage."""
         return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
 
     def _in_way(self, found: AheadParticipant) -> Any:

@@ -89,8 +89,8 @@ def accept(host: str, port: int, wait: float, limit: float, token: str) -> Frame
 def _admit(
     listener: socket.socket, selector: selectors.BaseSelector, waiting: dict[socket.socket, bytes]
 ) -> int:
-    """Take a connection in; the number of those that make room for it, which have been silent for
-    longest."""
+    """Accept a connection; return the number of older, silent connections that were closed for
+    it."""
     try:
         connection, _ = listener.accept()
     except OSError:  # it has gone already
@@ -165,8 +165,7 @@ where it is not set"""
 
 @dataclass(slots=True)
 class Bridge:
-    """Sends each observation to a client as an OSI GroundTruth, or as JSON, and does what it
-    answers.
+    """Sends each observation to a client as an OSI GroundTruth, or as JSON, and returns its answer.
 
     Each run waits for a client of its own, one at a time, that sends the token of
     `XOSC_BRIDGE_TOKEN`. Needs the extra `osi`, unless all is sent as JSON.
@@ -250,7 +249,7 @@ _STATE = ("x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "v
 
 
 def _told(one: Participant) -> dict[str, Any]:
-    """A participant as JSON: what it is, its state, and its bounding box."""
+    """Participant as JSON: kind, state, and bounding box."""
     about = {name: getattr(one, name) for name in ("name", "kind", "category", *_STATE)}
     return {**about, "box": {name: getattr(one.box, name) for name in _BOX}}
 

@@ -84,7 +84,7 @@ def rightwards(one: Any, c: Any, s: Any) -> Any:
 
 
 class _PairedParticipants(NamedTuple):
-    """Participants of some pairs: what decides, each an array (m,)."""
+    """Participants of some pairs: the deciding fields, each an array (m,)."""
 
     box: BoundingBox
     x: FloatArray
@@ -215,8 +215,8 @@ class CollisionAvoidance:
         return gap(ego, other) <= self.sensor_range
 
     def _danger(self, ego: Participant, other: Participant, way: float) -> str:
-        """Reason for which a participant is dangerous for an ego that drives forwards (way +1) or
-        backwards (−1); empty where it is not."""
+        """Reason why a participant is dangerous for an ego that drives forwards (way +1) or
+        backwards (−1); empty for none."""
         p = self._parameters
         seen = outlook(ego, other)
         if way * seen.x <= 0.0:

@@ -68,8 +68,7 @@ class VariableMapping(NamedTuple):
 
 @dataclass(slots=True)
 class Fmu:
-    """Gives an FMU the observation of each step, and does what its outputs say at the end of the
-    step.
+    """Gives an FMU the observation of each step, and returns its outputs at the end of the step.
 
     The mapping file is TOML:
 
@@ -174,7 +173,7 @@ class Fmu:
         self._begun = False
 
     def control(self, observation: Observation, dt: float) -> Control | Pose:
-        """Return what the FMU's outputs say after a step."""
+        """Step the FMU, and return the answer of its outputs."""
         instance = self._instance
         if instance is None:
             raise ToolchainError("the FMU has no instance: reset() comes first", path=self.path)
@@ -219,12 +218,12 @@ class Fmu:
             instance.set(link.variable, link.absent if value is None else value * link.factor)
 
     def _named(self) -> set[str]:
-        """Participants whose fields the mapping names: `ego`, `lead`, `others[n]`."""
+        """Participants with fields in the mapping: `ego`, `lead`, `others[n]`."""
         return {link.field.partition(".")[0] for link in self._mapping.inputs if "." in link.field}
 
     def _fields(self, observation: Observation, dt: float) -> Callable[[str], float | None]:
-        """Return what gives the value of a field of the observation; None for a lead or other that
-        is not there."""
+        """Return the function from the name of a field to its value in the observation; None for an
+        absent lead or other."""
         ego = observation.ego
         rows = self._view.of(observation) if self._view is not None else {}
         near = self._view.nearest(observation) if self._view is not None else []
@@ -312,8 +311,7 @@ def _share(value: float) -> float:
 
 
 def _lead(ego: Participant, near: list[Participant], rows: list[list[float]]) -> int | None:
-    """Return the number of the nearest participant ahead whose box is in the ego's way; None where
-    there is none."""
+    """Return the number of the nearest participant ahead in the ego's way; None without one."""
     found: list[tuple[float, int]] = []
     for number, (one, row) in enumerate(zip(near, rows, strict=False)):
         columns = dict(zip(PARTICIPANT, row, strict=True))

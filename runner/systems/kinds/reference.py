@@ -1,5 +1,5 @@
-"""Reference drivers, which notice danger, react after a time, and brake: `r157-cc`, `r157-reg`,
-`rss` and `fsm`.
+"""Reference drivers `r157-cc`, `r157-reg`, `rss` and `fsm`: they notice danger, react after a time,
+and brake.
 
 Source of the models and constants: Mattas, Albano, Donà, Galassi, Suarez-Bertoa, Vass, Ciuffo,
 "Driver models for the definition of safety requirements of automated vehicles in international
@@ -230,13 +230,13 @@ class Regulation157(ReferenceDriver):
     jerk: ClassVar[float] = math.inf
 
     def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
-        """Cutting in, too near for what the regulation grants."""
+        """Whether a participant cuts in nearer than the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
         near = (found.closing > 0.0) & (abs(found.gap) <= enough * found.closing)
         return near & (found.aside <= self.lateral + ROUNDING)
 
     def demand(self, found: AheadParticipant, ego: Moving) -> Any:
-        """The same for everyone, m/s²."""
+        """Deceleration, constant for all participants, m/s²."""
         return self.brake
 
 

@@ -241,7 +241,7 @@ class Instance:
         return bool(value) if variable.type == "Boolean" else value
 
     def set(self, name: str, value: Value) -> None:
-        """Give a scalar variable a value, which is rounded for whole numbers."""
+        """Set the value of a scalar variable, rounded for whole numbers."""
         variable = self._described.variables[name]
         if variable.type in _WHOLE:
             value = round(float(value))
@@ -271,7 +271,7 @@ class Instance:
         return ctypes.string_at(address, size) if address and size else b""
 
     def set_binary(self, prefix: str, data: bytes) -> None:
-        """Give a binary variable its content, which stays in memory until the next one."""
+        """Set the content of a binary variable; it stays in memory until the next one."""
         if self._described.version == 3:
             self._call("setBinary", [self._described.variables[prefix].valueReference], [data])
             return
@@ -285,7 +285,7 @@ class Instance:
             self.set(f"{prefix}.{role}", ctypes.c_int32(value).value)
 
     def _callbacks(self, module: Any) -> Any:
-        """Callbacks of FMI 2 whose logger keeps the last message."""
+        """Callbacks of FMI 2 with a logger that keeps the last message."""
         callbacks = module.fmi2CallbackFunctions()
         callbacks.logger = module.fmi2CallbackLoggerTYPE(
             lambda environment, name, status, category, text: self._hear(text)

@@ -156,7 +156,7 @@ class ObservationArrays:
 
 
 def _in_axes(ego: Participant, other: Participant) -> tuple[float, ...]:
-    """The same along the axes of the ego."""
+    """Columns `ahead`, `left`, `lanes` and `speed` along the axes of the ego."""
     c, s, dx, dy = math.cos(ego.h), math.sin(ego.h), other.x - ego.x, other.y - ego.y
     return dx * c + dy * s, dy * c - dx * s, 0.0, other.vx * c + other.vy * s
 

@@ -166,7 +166,7 @@ class SensorViews:
         return self._encoded + message  # protocol buffers merge messages that follow each other
 
     def _static(self, observation: Observation) -> Any:
-        """Return what stays the same throughout the run, of the first GroundTruth."""
+        """Return the constant part of the first GroundTruth."""
         if self._roads is None:
             self._roads = self._truth.of(observation)
             for name in _MOVING:

@@ -1,5 +1,4 @@
-"""HTML pages made of the files beside this module: one file each, which needs nothing else and no
-network."""
+"""HTML pages made of the files beside this module: self-contained files that need no network."""
 
 from __future__ import annotations
 

@@ -149,8 +149,7 @@ def _contact(ego: Track, measures: Criticality, impact: Impact) -> Iterator[Sent
 
 
 def _braking(ego: Track, row: int) -> int | None:
-    """The row at which the braking began that was going on at a row, or up to half a second before
-    it."""
+    """First row of the braking that lasts at a row, or ended up to half a second before it."""
     time, braking = ego.columns["time"], ego.columns["acceleration"] < _BRAKES
     rows = np.flatnonzero(braking[: row + 1] & (time[: row + 1] >= time[row] - 0.5))
     if not rows.size:
@@ -210,7 +209,7 @@ def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Se
 def _without_contact(
     result: RunResult, ego: Track, measures: Criticality, touched: bool
 ) -> Iterator[Sentence]:
-    """Describe a run in whose rows the ego touches no one.
+    """Describe a run without a contact of the ego in its rows.
 
     Args:
         touched: whether it has between two of them.

@@ -108,7 +108,7 @@ def frames(results: Sequence[RunResult], times: Sequence[float]) -> Iterator[Ima
 
 
 def palette() -> Image.Image:
-    """The colours used and what lies between each two of them, where edges are smoothed."""
+    """Palette of all colours, and of the means of pairs for smoothed edges."""
     names = [
         _GROUND,
         _TEXT,
@@ -182,7 +182,7 @@ class _View:
         return whole.reduce(_FINER)
 
     def _pair(self, time: float) -> list[str]:
-        """Return those of the ego and its partner that exist at a time."""
+        """Return the ego and its partner, as far as they exist at a time."""
         sample = round(time / self._result.settings["timestep"])
         partner = next((name for start, name in reversed(self._partners) if start <= sample), "")
         names = [self._result.ego or "", partner]
@@ -271,7 +271,7 @@ class _View:
 
 
 def _shapes(result: RunResult, area: Area) -> list[_Shape]:
-    """Surfaces and marks in the order in which they are drawn."""
+    """Surfaces and marks in the order of drawing."""
     network = result.recording.network
     if network is None:
         return []

@@ -115,8 +115,7 @@ _GREATEST = 1000.0
 
 
 class SceneArea(NamedTuple):
-    """Rectangle whose roads a scene draws (m), and the origin from which its positions are counted
-    (m)."""
+    """Rectangle of the roads of a scene (m), and origin of its positions (m)."""
 
     area: Area
     origin: tuple[int, int]
@@ -192,7 +191,7 @@ def extent(tracks: Iterable[Track]) -> Area:
 
 
 def union(areas: Iterable[Area]) -> Area:
-    """The rectangle around several ones."""
+    """Rectangle around several rectangles."""
     west, south, east, north = zip(*areas, strict=True)
     return Area(min(west), min(south), max(east), max(north))
 
@@ -291,8 +290,7 @@ def _reasons(result: RunResult) -> list[str]:
 
 
 def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, Stretches]:
-    """Return the most relevant entity and the one of the least time to collision, with the samples
-    from which they apply."""
+    """Return partners and leads over time, each with the sample from which it applies."""
     if measures is None:
         return {"partners": [], "leads": []}
     return {
@@ -307,7 +305,7 @@ def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, St
 def track_of(
     track: Track, dt: float, stride: int, origin: tuple[int, int], heights: bool = True
 ) -> dict[str, Any]:
-    """A participant at every so many steps of a time (s), counted from an origin; `heights` as in
+    """Participant at every `stride`-th step of `dt` (s), relative to an origin; `heights` as in
     `road_of`."""
     columns, box = track.columns, track.box
     # Differences of neighbours stay small over ±π.
@@ -340,8 +338,7 @@ def track_of(
 def _parts(
     time: NDArray[np.float64], there: NDArray[np.bool_], dt: float, stride: int
 ) -> list[tuple[int, NDArray[np.int64]]]:
-    """Stretches of consecutive samples at which something is there: number of the first sample, and
-    rows."""
+    """Stretches of consecutive samples with a value: number of the first sample, and rows."""
     # Times are rounded: the nearest step is meant.
     ticks = np.rint(time / dt).astype(np.int64)
     rows = np.flatnonzero(there & (ticks % stride == 0))

@@ -55,7 +55,7 @@ class Area(NamedTuple):
     north: float
 
     def wider(self, margin: float) -> Area:
-        """The same with a margin (m) all around."""
+        """Rectangle with a margin (m) all around."""
         return Area(
             self.west - margin, self.south - margin, self.east + margin, self.north + margin
         )
@@ -80,8 +80,7 @@ class Marks(NamedTuple):
 
 
 def surfaces(network: RoadNetwork, area: Area) -> dict[str, list[Line]]:
-    """Outlines of lanes within an area, by how they look: the permanent ones, which the surface is
-    made of.
+    """Outlines of the permanent lanes within an area, by appearance.
 
     The first half of a ring is one border of a lane, the second half the other one backwards, with
     as many points: the n-th
@@ -112,8 +111,8 @@ _EDGE = Marks("unmarked", "standard", _WIDTH)
 
 
 def marks(network: RoadNetwork, area: Area) -> dict[Marks, list[Line]]:
-    """Lines of marks within an area, by how they look; those of temporary lanes come last, to lie
-    above the permanent ones."""
+    """Lines of marks within an area, by appearance; marks of temporary lanes last, above the
+    permanent ones."""
     layers: dict[str, dict[Marks, list[Line]]] = {
         PERMANENT: defaultdict(list),
         TEMPORARY: defaultdict(list),
@@ -252,7 +251,7 @@ def _within(everywhere: NDArray[np.float64], start: float, end: float) -> NDArra
 
 
 def _stations(road: Road) -> NDArray[np.float64]:
-    """s at which borders are sampled: as close together as the sharpest edge of the road needs."""
+    """Stations (s) of borders, as close together as the sharpest edge of the road needs."""
     usual = stations(road)
     # The outer edge of a bend is the most curved: borders are sampled for it.
     reach = max(map(abs, road.edges(0.5 * road.length)))
@@ -416,8 +415,8 @@ def _lanes(road: Road) -> Iterator[Line]:
 
 
 def _built(road: Road, structure: Structure) -> Iterator[tuple[str, ObjectBlock]]:
-    """Parapets of a bridge; walls of a tunnel and the stretch that it covers, which has no roof
-    that would hide the traffic."""
+    """Parapets of a bridge; walls of a tunnel and its stretch, without a roof that would hide the
+    traffic."""
     start, end = max(structure.s, 0.0), min(structure.s + structure.length, road.length)
     if start >= end:
         return

@@ -88,7 +88,7 @@ def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool
     on_roads=True,
 )
 def running_red_light(drive: Drive) -> CriterionFinding:
-    """Look up the state of each light in the moment in which the front passes its line.
+    """Look up the state of each light at the instant at which the front passes its line.
 
     A light counts once the reference point has passed it, too: a car that stands a little beyond
     the line has not run it.
@@ -145,7 +145,7 @@ _NEAR, _STANDING = 4.0, 0.1
     on_roads=True,
 )
 def running_stop(drive: Drive) -> CriterionFinding:
-    """Look for a standstill with the front close to each line, up to the moment in which the
+    """Look for a standstill with the front close to each line, up to the instant at which the
     reference point passes it."""
     found = crossings(drive, _is_stop_sign)
     ran = [crossing for crossing in found if not _stopped(drive, crossing)]

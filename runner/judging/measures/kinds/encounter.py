@@ -98,7 +98,7 @@ class MaxDecelerationToAvoidCrash(RunMeasure):
 
 @measure
 class MinDistance(RunMeasure):
-    """Shortest distance of bounding boxes to anyone."""
+    """Shortest distance of bounding boxes to any participant."""
 
     name = "min_distance"
     label = "Least distance"
@@ -116,7 +116,7 @@ class MinDistance(RunMeasure):
 
 @measure
 class PostEncroachmentTime(RunMeasure):
-    """Least post-encroachment time with anyone."""
+    """Least post-encroachment time with any participant."""
 
     name = "pet"
     label = "Post-encroachment time"
@@ -137,7 +137,7 @@ class PostEncroachmentTime(RunMeasure):
 
 @measure
 class MaxCollisionProbability(RunMeasure):
-    """Greatest probability of a collision with anyone within the next 3 s."""
+    """Greatest probability of a collision with any participant within the next 3 s."""
 
     name = "max_collision_probability"
     label = "Greatest probability of a collision"
@@ -155,7 +155,7 @@ class MaxCollisionProbability(RunMeasure):
 
 @measure
 class MaxRiskField(RunMeasure):
-    """Greatest strength of the risk field of anyone."""
+    """Greatest strength of the risk field of any participant."""
 
     name = "max_risk_field"
     label = "Greatest strength of the risk field"
@@ -170,8 +170,8 @@ class MaxRiskField(RunMeasure):
 
 
 class RssRisk(RunMeasure):
-    """R_risk: share of the time in which the longitudinal and the lateral safe distance to anyone
-    are violated.
+    """R_risk: share of the time with the longitudinal and the lateral safe distance to a
+    participant violated.
 
     Args:
         parameters: name of a parameter set of `runner.engine.motion.rss`.
