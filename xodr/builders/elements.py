@@ -37,8 +37,7 @@ from xodr.model import (
 )
 from xodr.model.geometry import Cubic
 
-# plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`, p from 0 to
-# 1) ----
+# plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`) ----------
 
 
 class PlanPose(NamedTuple):
@@ -107,6 +106,7 @@ def connect(start: PlanPose, end: PlanPose) -> Clothoid:
 
     curve = Fitted.G1Hermite(*start, *end)
     first, last = curve.KappaStart, curve.KappaEnd
+    # Curvatures that differ by rounding only: an arc, or a line, is to be written as such.
     if abs(first - last) * curve.length < 1e-9:
         first = last = (first + last) / 2 if abs(first + last) * curve.length > 1e-9 else 0.0
     return Clothoid(curve.length, first, last)
@@ -215,8 +215,7 @@ def traffic_light(
 
 
 def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]]) -> Connection:
-    """A way through a junction whose connecting road is entered at its start; the writer numbers
-    it."""
+    """Way through a junction that enters its connecting road at the start, not numbered yet."""
     return Connection(
         "",
         incoming,
@@ -471,6 +470,8 @@ def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
     ):
         if cubics:
             _cubics(_add(element, profile), tag, cubics)
+    # Without temporary lanes the attribute is left out: it came with OpenDRIVE 1.9, the file is of
+    # 1.7.
     for layer, offset, sections in (
         (PERMANENT if road.temporary else None, road.offset, road.sections),
         (TEMPORARY, road.temporary_offset, road.temporary),
@@ -550,6 +551,7 @@ def _section(parent: etree._Element, section: SectionDesign, layer: str | None) 
 
 def _lane(side: etree._Element, key: int, lane: LaneDesign, layer: str | None) -> None:
     element = _add(side, "lane", id=str(key), type=lane.type, level="false")
+    # A link names the layer it leads to, where there are two.
     other = PERMANENT if layer == TEMPORARY else TEMPORARY
     links = [
         (name, link, where)
@@ -575,10 +577,12 @@ def _lane(side: etree._Element, key: int, lane: LaneDesign, layer: str | None) -
 
 
 def _speed(limit: float) -> dict[str, str | float]:
+    # "no limit" is OpenDRIVE's word (1.9, 10.4).
     return {"max": limit * 3.6 if math.isfinite(limit) else "no limit", "unit": "km/h"}
 
 
 def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
+    # Of the marks that are built, only broken ones may be crossed.
     change = "both" if kind == "broken" else "none"
     width = 0.12 if kind != "none" else None
     color = "yellow" if layer == TEMPORARY else "standard"
@@ -644,6 +648,7 @@ def _validity(element: etree._Element, ranges: Iterable[tuple[int, int]]) -> Non
 
 def _junction(root: etree._Element, junction: Junction) -> None:
     element = _add(root, "junction", id=junction.id, name=junction.name, type=junction.type)
+    # Direct junctions link roads, not connecting roads (OpenDRIVE 1.9, 12.6).
     entered = "linkedRoad" if junction.type == "direct" else "connectingRoad"
     for number, way in enumerate(junction.connections):
         ends = {"incomingRoad": way.incoming_road, entered: way.connecting_road}

@@ -102,6 +102,8 @@ class _IntersectionPlan:
             connection(str(arm), path.id, ((lane, -1),)) for arm, lane, path in paths
         )
         controllers = self._controllers() if self.signals else ()
+        # Three arms make a T whose straight road goes first; of four, none does. Lights need no
+        # priorities.
         priorities = () if self.signals or len(self.arms) == 4 else _main_road_first(paths)
         switched = tuple(controller.id for controller in controllers)
         junction = Junction(str(JUNCTION), name, "default", connections, switched, priorities)
@@ -112,12 +114,15 @@ class _IntersectionPlan:
     def _arm(self, arm: int) -> RoadDesign:
         reach = self.lanes * self.lane_width + self.corner_radius
         heading = (arm - EAST) * math.pi / 2
+        # Arms are at right angles: cosine and sine are 0 or ±1 but for rounding.
         start = PlanPose(
             round(math.cos(heading)) * reach, round(math.sin(heading)) * reach, heading
         )
         section = two_way(self.lanes, self.lanes, self.lane_width)
         lights: tuple[Signal, ...] = ()
         if self.signals:
+            # Arms lead outwards, so arriving traffic drives against s, on the left lanes, with the
+            # light beside them.
             t = self.lanes * self.lane_width + 1.0
             lights = (
                 traffic_light(
@@ -136,6 +141,8 @@ class _IntersectionPlan:
         number = JUNCTION + 1
         for here in self.arms:
             for there in self.arms:
+                # Arms are numbered counterclockwise: the next one is to the right of arriving
+                # traffic.
                 quarter = (there - here) % 4
                 turns = {0: (), 1: (self.lanes,), 2: range(1, self.lanes + 1), 3: (1,)}
                 for lane in turns[quarter]:
@@ -215,6 +222,7 @@ class _Roundabout:
     @property
     def half_mouth(self) -> float:
         """Half the angle of the ring that belongs to one junction."""
+        # Leaves about a third of the ring to the segments between the junctions.
         return 0.32 * 2 * math.pi / self.arms
 
     def build(self) -> RoadMap:
@@ -258,7 +266,7 @@ class _Roundabout:
     def _junction(
         self, number: int, arm: RoadDesign, before: RoadDesign, after: RoadDesign
     ) -> tuple[Junction, list[RoadDesign]]:
-        """The junction of one arm: first all that passes, then what enters, then what leaves."""
+        """The junction of one arm, and its paths: those that pass, then enter, then leave."""
         identity = JUNCTION * (number + 1)
         lanes = range(1, self.lanes + 1)
         pairs = (
@@ -274,6 +282,7 @@ class _Roundabout:
             connection(start[0].id, path.id, ((start[1], -1),))
             for (start, _), path in zip(pairs, paths, strict=True)
         )
+        # The middle one of three groups of paths, as listed above.
         entering = paths[self.lanes : 2 * self.lanes]
         priorities = tuple(
             (high.id, low.id) for high in paths if high not in entering for low in entering

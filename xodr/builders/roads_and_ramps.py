@@ -256,7 +256,9 @@ def sharp_curve(
     ):
         require(name, value, 0.1)
     require("angle", angle, 0.05, 1.75 * math.pi)
+    # The inner edge of the road keeps a radius, too.
     require("radius", radius, 1.0 + max(lanes, opposite_lanes) * lane_width + shoulder)
+    # Both clothoids together turn by transition/radius: beyond, no arc remains.
     require("transition", transition, 0.0, 0.999 * radius * angle)
     if turn not in ("left", "right"):
         raise UsageError(f"turn={turn!r} must be left or right")
@@ -488,6 +490,7 @@ class _Site:
         (+1)."""
         length = self.radius * math.sin(self.angle)
         if direction > 0:
+            # A parabola, as an arc leaves its tangent nearly as s²/2r.
             return (Cubic(0.0, 0.0, 0.0, self.shoulder / length**2),)
         return (Cubic(0.0, self.shoulder, -2 * self.shoulder / length, self.shoulder / length**2),)
 
@@ -538,6 +541,7 @@ class _Site:
         right."""
         length = self.radius * self.angle
         change = after[2] - before[2]
+        # Smooth, with zero slope at both ends.
         width = (Cubic(0.0, before[2], 0.0, 3 * change / length**2, -2 * change / length**3),)
         lanes = {
             -1: LaneDesign(kind, width, "solid", before[1], after[1]),

@@ -81,6 +81,7 @@ class RoadPart(NamedTuple):
 
     def local(self, x: FloatArray, y: FloatArray, s: FloatArray) -> Local:
         """Positions in the frame of the line at each s."""
+        # At the last knot and beyond the ends, the piece next to them goes on.
         index = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         u = s - self.s[index]
         (px, dx, ddx), (py, dy, ddy) = (_cubic(line[:, index], u) for line in (self.x, self.y))
@@ -101,8 +102,10 @@ class RoadPart(NamedTuple):
         """The place on the chords that is nearest to each position."""
         best, s, low, high = np.full(len(x), np.inf), *np.zeros((3, len(x)))
         (ax, ay), start = self._corners(), self.s[self.chords]
+        # A loop over the chords, which are few; the positions may be many.
         for index, (dx, dy) in enumerate(zip(np.diff(ax), np.diff(ay), strict=True)):
             px, py, since, until = x - ax[index], y - ay[index], start[index], start[index + 1]
+            # _TINY: a chord without length has one place only, not 0/0.
             share = np.clip((px * dx + py * dy) / max(dx * dx + dy * dy, _TINY), 0.0, 1.0)
             square = (px - share * dx) ** 2 + (py - share * dy) ** 2
             nearer = square < best
@@ -133,6 +136,8 @@ def parts(road: Road) -> list[RoadPart]:
         [(*road.line.at(a), *road.line.at(_inside(b))) for a, b in pairwise(knots.tolist())]
     )
     turned = _turned(pieces)
+    # Cut at each quarter turn: on a part that bends back, the nearest chord may be on the wrong
+    # stretch.
     ends = [*np.flatnonzero(np.diff(turned // _LARGEST_TURN)) + 1, len(pieces)]
     return [
         _part(road, knots[a : b + 1], pieces[a:b], turned[a:b]) for a, b in pairwise([0, *ends])
@@ -142,11 +147,11 @@ def parts(road: Road) -> list[RoadPart]:
 def _knots(road: Road) -> list[float]:
     """s between which a cubic is as good as the road's line."""
     fine = [0.0]
-    inside = {
-        s for s in road.line.knots() if 0.0 < s < road.length
-    }  # they go back where geometries overlap
+    # Knots go back where geometries overlap.
+    inside = {s for s in road.line.knots() if 0.0 < s < road.length}
     for high in (*sorted(inside), road.length):
         low = fine[-1]
+        # Curvature may change along a piece, so both ends and the middle are asked.
         bend = max(abs(road.curvature(s)) for s in (low, 0.5 * (low + high), _inside(high))) * (
             high - low
         )
@@ -164,6 +169,7 @@ def _turned(pieces: FloatArray) -> FloatArray:
     """Sum of the absolute changes of heading up to the end of each piece (x, y, heading of its
     ends), rad."""
     begins, ends = pieces[:, 2], pieces[:, 5]
+    # Kinks between pieces count like bends.
     return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
 
 
@@ -173,9 +179,8 @@ def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray)
     x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
     y = _hermite(y0, np.sin(h0), y1, np.sin(h1), length)
     chords = np.unique([0, *np.flatnonzero(np.diff(turned // _COARSE)) + 1, len(pieces)])
-    sagitta = (
-        float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0
-    )  # twice as much as an arc is away from its chord
+    # twice as much as an arc is away from its chord
+    sagitta = float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0
     room = _room(road, float(knots[0]), float(knots[-1])) + (
         sagitta if turned[-1] > turned[0] else 0.0
     )
@@ -222,6 +227,7 @@ def values(profile: Profile, s: FloatArray) -> FloatArray:
     """A profile at each s."""
     if profile.constant is not None:
         return np.full(len(s), profile.constant)
+    # Before the first piece, that one goes on backwards.
     start, a, b, c, d = np.array(profile.pieces).T[
         :, np.maximum(np.searchsorted(profile.starts, s, side="right") - 1, 0)
     ]
@@ -273,6 +279,7 @@ def _lanes_of_side(
         there = searching & (values(lane.width, s) > NO_WIDTH)
         lanes[there] = lane_id
         searching &= ~(there & (away <= np.abs(values(lane.outer, s) - centre)))
+    # No lane on the side of the place: the nearest one beyond the centre, as in lane_in.
     for lane_id in beyond:
         lanes[(lanes == 0) & (values(section.lanes[lane_id].width, s) > NO_WIDTH)] = lane_id
     return lanes
@@ -328,6 +335,7 @@ def section_stations(
     while pending:
         low, high = pending.pop()
         middle = 0.5 * (low + high)
+        # A border that jumps never comes near a straight line: halving has to end.
         if high - low < _FINEST:
             continue
         places[middle] = _across(road, borders, middle)
@@ -335,6 +343,7 @@ def section_stations(
         if away.max() > error:
             pending += [(low, middle), (middle, high)]
         else:
+            # Straight enough without it.
             del places[middle]
     return np.array(sorted(places))
 

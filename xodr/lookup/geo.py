@@ -36,8 +36,7 @@ _READS_FILES = re.compile(
 
 
 def without_files(projection: str, path: Path) -> str:
-    """A projection that lets PROJ read no file that it names: grids and definitions may be any
-    file.
+    """Projection without names of files: PROJ would read any file as grid or definition.
 
     Grids of heights are left out, since heights are taken as they are; `init=epsg:N` is the code
     EPSG:N.
@@ -48,11 +47,13 @@ def without_files(projection: str, path: Path) -> str:
     Raises:
         Unsupported: the projection needs a file.
     """
+    # To PROJ, init=epsg:N is a line of a file of definitions.
     numbered = _NUMBERED.fullmatch(projection.strip())
     if numbered:
         return f"{numbered[1].upper()}:{numbered[2]}"
     if projection.lstrip().startswith("+"):
         names = {term: term.lstrip("+").partition("=")[0] for term in projection.split()}
+        # @null is the name for no grid at all.
         projection = " ".join(
             term for term in names if names[term] not in _OF_HEIGHTS and term != "+nadgrids=@null"
         )
@@ -90,6 +91,7 @@ class GeoReference:
         try:
             crs = pyproj.CRS.from_user_input(without_files(projection, network.path))
             self.crs = crs
+            # Longitude first, whichever order the projection's own definition has.
             self._transformer = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         except pyproj.exceptions.ProjError as error:
             message = f"geoReference {projection!r} is not understood: {error}"
@@ -101,6 +103,8 @@ class GeoReference:
         """World coordinates x, y, z [m] of a place; not finite where the projection does not reach
         it."""
         easting, northing = self._transformer.transform(place.longitude, place.latitude)
+        # The header's offset turns and shifts map coordinates into the projection (OpenDRIVE 1.9,
+        # 8.5); this is the way back.
         dx, dy = easting - self._x, northing - self._y
         return (
             self._cos * dx + self._sin * dy,

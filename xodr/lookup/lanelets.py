@@ -73,14 +73,17 @@ class ExportedLanelet:
 
 @lru_cache(maxsize=8)
 def lanelets(network: RoadNetwork) -> dict[Key, ExportedLanelet]:
-    """All lanes with a width and a use, and how they are joined; shared by the runs on a network,
-    so not to be changed."""
+    """All lanes with a width and a use, with their links and neighbours.
+
+    Runs on one network share them, so they are not to be changed.
+    """
     found = {
         lanelet.key: lanelet
         for road in network.roads.values()
         for number in range(len(road.sections))
         for lanelet in _of_section(network, road, number)
     }
+    # Only now: lanes link and lie beside others that are built after them.
     for lanelet in found.values():
         lanelet.successors = [key for key in _ahead(network, lanelet.key) if key in found]
         lanelet.beside = (
@@ -107,6 +110,8 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Expor
             key=(road.id, number, lane.id),
             left=left,
             right=right,
+            # Marks are (inner, outer); the inner one is to the left where traffic has the centre
+            # there.
             paint=marks if (lane.id < 0) == towards_s else marks[::-1],
             lane_type=lane.type,
             road_type=road.road_type(section.s),
@@ -131,10 +136,10 @@ def sides(road: Road, lane: Lane, along: FloatArray, towards_s: bool) -> tuple[P
 
 
 def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:
-    """The inner and the outer border of a lane at its own height: on a kerb the border of the lane
-    below is another one."""
+    """Inner and outer border of a lane at its own height, which differs on both sides of a kerb."""
     aside = [(lane.inner(s), lane.outer(s)) for s in along.tolist()]
     if lane.heights:
+        # On the very border the height would be that of the neighbour, below the kerb.
         towards = _INSIDE if lane.id > 0 else -_INSIDE
         aside = [(inner + towards, outer - towards) for inner, outer in aside]
     inner, outer = (sample(road, along, [pair[side] for pair in aside]) for side in (0, 1))
@@ -142,7 +147,7 @@ def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:
 
 
 def _inwards(section: LaneSection, lane: Lane) -> Lane:
-    """The lane whose mark is on the inner border."""
+    """Next lane towards the centre: its mark lies on the inner border."""
     return section.lanes.get(lane.id - 1 if lane.id > 0 else lane.id + 1, section.lanes[0])
 
 
@@ -165,6 +170,8 @@ def _ahead(network: RoadNetwork, key: Key) -> Iterator[Key]:
     for link in network.links(road_id, lane_id, forward):
         other = network.roads[link.road_id]
         entered = 0 if link.at_start else len(other.sections) - 1
+        # Links join lanes, whatever their traffic; it enters only where it drives away from the
+        # road's end.
         if (other.direction(link.lane_id, other.sections[entered].s) > 0) == link.at_start:
             yield link.road_id, entered, link.lane_id
 
@@ -176,6 +183,7 @@ def _beside(
     road = network.roads[road_id]
     s = road.sections[number].s
     direction = road.direction(lane_id, s)
+    # lane_beside counts towards +t, which is to the right of traffic against s.
     neighbour = road.lane_beside(s, lane_id, left * direction)
     other = (road_id, number, neighbour or 0)
     return (other, road.direction(other[2], s) == direction) if other in found else None

@@ -64,6 +64,8 @@ def place(
             f"({users.x[lost[0]]}, {users.y[lost[0]]}) is no place in the world", path=network.path
         )
     parts, best = _parts(network), _Best(len(users.x))
+    # On a road first (reach 0); then farther and farther, until no part that is not yet asked can
+    # be nearer.
     reach, left = 0.0, np.arange(len(users.x))
     while len(left):
         for part in parts:
@@ -144,10 +146,12 @@ class _Best:
 
     def offer(self, rows: IntArray, part: RoadPart, users: _Users, reach: float) -> None:
         """Take those of a part's places that are better, and not further away than `reach` (m)."""
+        # Chords are cheap to ask, and most positions are too far from them to go on.
         start = part.on_chords(users.x, users.y)
         near = np.flatnonzero(start.distance <= part.room + reach)
         rows, users = rows[near], users.at(near)
         s, t, gap = _project(part, users.x, users.y, start.at(near))
+        # Equal gaps, as on roads that overlap, are decided by the rest of the rank.
         nearer = gap <= self.rank[0, rows]
         rows, s, t, gap, users = (
             rows[nearer],
@@ -158,6 +162,7 @@ class _Best:
         )
         lane_id, offset, against = _lanes(part.road, s, t)
         rank = np.stack([gap, *_mismatch(part, s, t, against, users), np.round(np.abs(offset), 6)])
+        # Ranks are compared in lexical order, one row for all positions at a time.
         better, level = np.zeros(len(rows), bool), np.ones(len(rows), bool)
         for mine, theirs in zip(rank, self.rank[:, rows], strict=True):
             better |= level & (mine < theirs)
@@ -182,6 +187,7 @@ def _project(
             s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1]
         )
         step, s[moving] = np.abs(following - s[moving]), following
+        # Most positions have converged after a few steps; only the others go on.
         moving = moving[step >= CONVERGED]
         if not len(moving):
             break
@@ -189,6 +195,7 @@ def _project(
         s[moving] = _bisect(part, x[moving], y[moving], start.low[moving], start.high[moving])
     ahead, aside, _ = part.local(x, y, s)
     t = (
+        # t_of works on one place at a time; banked roads are rare.
         aside
         if road.superelevation.constant == 0.0
         else np.array([road.t_of(*one) for one in zip(s.tolist(), aside.tolist(), strict=True)])

@@ -1,5 +1,4 @@
-"""Signals of the roads: where they stand, what they mean, which lamps they have, on which lanes
-they hold."""
+"""Signals of the roads: their places, meanings and lamps, and the lanes on which they hold."""
 
 from __future__ import annotations
 
@@ -42,6 +41,7 @@ def signal_places(network: RoadNetwork) -> list[SignalPlace]:
     lanes: dict[str, list[Key]] = {}
     for road in network.roads.values():
         for signal in road.signals:
+            # Before any place is made: roads may refer to signals of roads that follow.
             lanes.setdefault(signal.id, []).extend(_lanes(road, signal))
         for reference in road.signal_references:
             lanes.setdefault(reference.signal_id, []).extend(_lanes(road, reference))
@@ -54,18 +54,20 @@ def signal_places(network: RoadNetwork) -> list[SignalPlace]:
 
 def _placed(road: Road, signal: Signal, lanes: tuple[Key, ...]) -> SignalPlace:
     pose = road.pose(signal.s, signal.t)
+    # A signal for traffic along +s looks against it (OpenDRIVE 1.9, 14.1).
     facing = pose.h + signal.h_offset + (0.0 if signal.orientation == "-" else math.pi)
     middle = pose.z + signal.z_offset + 0.5 * (signal.height or 0.0)
     return SignalPlace(signal, pose.x, pose.y, middle, math.remainder(facing, math.tau), lanes)
 
 
 def _lanes(road: Road, signal: Signal | SignalReference) -> list[Key]:
-    """Lanes at the place of a signal on which it holds."""
+    """Lanes for which a signal holds at its place."""
     number = road.section_index(min(max(signal.s, 0.0), road.length))
     section = road.sections[number]
     lanes = []
     for lane_id in (*section.right, *section.left):
         towards_s = road.direction(lane_id, section.s) > 0
+        # Lanes that are named count, whatever the orientation.
         if signal.validity:
             holds = any(min(ends) <= lane_id <= max(ends) for ends in signal.validity)
         else:

@@ -216,8 +216,10 @@ class LaneSection:
             if center is None or outer is None or width is None:
                 return None
             if width > NO_WIDTH:
+                # A lane without width lies nowhere.
                 borders[lane_id] = abs(outer - center)
         distances = list(borders.values())
+        # Widths below 0 lay borders back towards the centre, where bisection finds nothing.
         return (distances, list(borders)) if distances == sorted(distances) else None
 
 
@@ -448,8 +450,8 @@ class _SectionInForce(NamedTuple):
 def in_force(
     permanent: Sequence[LaneSection], temporary: Sequence[TemporaryStretch]
 ) -> list[LaneSection]:
-    """The lane sections in force on a road: temporary lanes where there are some, with links to the
-    lanes around them."""
+    """Lane sections in force on a road: temporary lanes in place of permanent ones, linked anew."""
+    # Files round: a border a hair off a permanent one would leave a section of that hair.
     stretches = [
         TemporaryStretch(stretch.section, *(_snapped(permanent, end) for end in stretch[1:]))
         for stretch in temporary
@@ -498,6 +500,7 @@ def _pieces(
         for stretch in temporary
         if stretch.section.left and stretch.section.s - NEAR <= start < stretch.left_end
     ]
+    # Of several that hold, the one that began last.
     left = holding[-1] if holding else None
     holding = [
         stretch.section
@@ -533,7 +536,8 @@ def _pieces(
 def _free(
     side: Sequence[int], usual: LaneSection, other: LaneSection, low: float, high: float
 ) -> list[int]:
-    """The permanent lanes of one side whose centre no temporary lane of the other side lies on."""
+    """Permanent lanes of one side with a centre that no temporary lane of the other side covers."""
+    # The set of lanes is the same all along the piece, so its middle decides.
     s = 0.5 * (low + high)
     covered = [sorted((lane.inner(s), lane.outer(s))) for lane in other.lanes.values() if lane.id]
     centres = {lane_id: usual.lanes[lane_id].center(s) for lane_id in side}
@@ -565,12 +569,14 @@ def _linked(
     here: _SectionInForce,
     there: _SectionInForce,
 ) -> int | None:
-    """The lane of a neighbouring section that continues a lane: itself, where only the other side
-    of the road changes.
+    """Lane of a neighbouring section that continues a lane.
+
+    It is the lane itself where only the other side of the road changes.
 
     back: the links of the neighbouring section's lanes, for links that only one of two lanes
     declares.
     """
+    # Cut out of one lane of the file, it goes on in itself; its links are for the ends of that.
     if not lane.id or here.sources[lane.id] is there.sources.get(lane.id):
         return lane.id or None
     found = [link.id for link in declared if has(there.section, link)]
@@ -592,12 +598,14 @@ def has(section: LaneSection, link: LaneRef) -> bool:
 def cut(lane: Lane, start: float, end: float) -> Lane:
     """A lane between two s, with the marks that hold there."""
     opens, closes = (
+        # A lane that closes within its section may be open all along a part of it.
         exceeding(lane.width, NO_WIDTH, start, end) if lane.id else (lane.opens, lane.closes)
     )
     before, marks = (
         [mark for mark in lane.marks if mark.s < start],
         [mark for mark in lane.marks if start <= mark.s < end],
     )
+    # The mark in force at the cut holds from there on.
     if before and not (marks and marks[0].s == start):
         marks.insert(0, before[-1]._replace(s=start))
     return replace(lane, opens=opens, closes=closes, marks=tuple(marks))

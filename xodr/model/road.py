@@ -55,6 +55,7 @@ class Surface:
             return height
         index = bisect_right(self.shape, s, key=lambda record: record[0]) - 1
         start, profile = self.shape[max(index, 0)]
+        # Nothing to interpolate with before the first record and after the last.
         if index < 0 or index + 1 == len(self.shape):
             return height + profile(t)
         end, following = self.shape[index + 1]
@@ -107,6 +108,7 @@ class Road:
             lane for section in self.permanent or self.sections for lane in section.lanes.values()
         ]
         self._raised = any(lane.heights for lane in surface)
+        # Most roads are flat, for which a pose is much cheaper.
         level = (
             self.elevation.constant == 0.0
             and self.superelevation.constant == 0.0
@@ -114,6 +116,7 @@ class Road:
         )
         self.flat = level and not self._raised
         self._starts = [section.s for section in self.sections]
+        # `level` means that superelevation does not tilt the lane: without it, all are alike.
         self._levels = (
             any(lane.level for lane in surface if lane.id) and self.superelevation.constant != 0.0
         )
@@ -140,6 +143,8 @@ class Road:
         roll = self.superelevation(s)
         slope = self.elevation.slope(s)
         z = self.elevation(s) + (self.surface.height(s, t) if self.surface else 0.0)
+        # Turned about the reference line: the tilted part shortens as seen from above, what lies
+        # beyond it is only raised.
         if roll:
             tilted = self._tilted_part(s, t)
             z += tilted * math.sin(roll)
@@ -176,6 +181,7 @@ class Road:
         cos = math.cos(self.superelevation(s))
         t = aside / cos
         tilted = self._tilted_part(s, t)
+        # What lies beyond the tilted part is horizontal and has its true length.
         return tilted + (aside - tilted * cos) if tilted != t else t
 
     def heading(self, s: float) -> float:
@@ -235,8 +241,7 @@ class Road:
         return self.lane(s, lane_id).center(s)
 
     def lane_slope(self, s: float, lane_id: int) -> float:
-        """dt/ds of the lane's centre at s: how fast the lane leaves the direction of the reference
-        line."""
+        """dt/ds of the lane's centre at s: its slope against the reference line."""
         return self.lane(s, lane_id).center.slope(s)
 
     def lane_width(self, s: float, lane_id: int) -> float:
@@ -288,14 +293,14 @@ class Road:
         return RoadPoint(self.id, s, self.lane(s, lane_id).center(s) + offset, lane_id, offset)
 
     def edges(self, s: float) -> tuple[float, float]:
-        """t of the right and left edge of the road's surface at s: of all lanes, of whatever type
-        and layer."""
+        """t of the right and left edge of the road at s, lanes of all types and layers included."""
         section = self.section(s)
         lanes = section.lanes
         right = lanes[section.right[-1] if section.right else 0].outer(s)
         left = lanes[section.left[-1] if section.left else 0].outer(s)
         if self.permanent is None:
             return right, left
+        # The surface is that of both layers: temporary lanes may leave a side of the road unused.
         usual = self.on(PERMANENT).edges(s)
         return min(right, usual[0]), max(left, usual[1])
 
@@ -306,6 +311,7 @@ class Road:
         count by their side.
         """
         usual = self._left_direction if lane_id > 0 else -self._left_direction
+        # Spares the look-up of the lane on nearly all roads.
         if self._standard or self.lane(s, lane_id).direction != "reversed":
             return usual
         return -usual
@@ -340,6 +346,7 @@ def lane_in(section: LaneSection, s: float, t: float) -> int:
         left, right = section.borders
         distances, ids = left if t > center else right
         if ids:
+            # bisect_left: on a border the inner lane is meant.
             return ids[min(bisect_left(distances, abs(t - center)), len(ids) - 1)]
         distances, ids = right if t > center else left
         return ids[0] if ids else 0

@@ -95,6 +95,7 @@ def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
         str(program()),
         *OPTIONS,
         "--output-file=net.xml",
+        # SUMO knows one rule for a whole network.
         *(["--lefthand"] if plain.left_hand else []),
     ]
     for kind in ("nodes", "edges", "connections"):
@@ -142,6 +143,7 @@ def osm_network(osm: Path, folder: Path) -> Path:
         str(target),
         *_OSM_OPTIONS,
     ]
+    # Optional: netconvert has types of its own.
     if types.is_file():
         arguments += ["--type-files", str(types)]
     try:
@@ -179,6 +181,7 @@ class CacheEntry:
     """One entry: the files of the network that is built from the given OpenDRIVE content."""
 
     def __init__(self, content: bytes) -> None:
+        # Another netconvert may build another network: its size and time stand for its version.
         built_by = program().stat()
         salt = repr((CACHE_FORMAT, OPTIONS, built_by.st_size, built_by.st_mtime_ns)).encode()
         key = hashlib.blake2b(
@@ -206,6 +209,8 @@ class CacheEntry:
             UsageError: the cache folder cannot be written.
         """
         try:
+            # The index last: it has the digest of the network, so that a run cut short leaves no
+            # valid entry.
             keep(network, self.network)
             keep(json.dumps({"digest": _digest(network), **index}).encode(), self.index)
         except OSError as error:
@@ -226,7 +231,7 @@ _Connections = dict[tuple[SumoLane, SumoLane], etree._Element]
 
 
 def convert(roads: RoadNetwork | None, whole: bool = False) -> tuple[bytes, dict[str, Any]]:
-    """The network file, and the index that says what is what in it.
+    """Convert roads into a network file and its index, which relates lanes and signals of both.
 
     Args:
         whole: as in `plain_network`.
@@ -238,8 +243,10 @@ def convert(roads: RoadNetwork | None, whole: bool = False) -> tuple[bytes, dict
             _check_widths(plain)
             network = netconvert(plain, folder)
         except NetconvertFailed as error:
+            # The dock alone, so that runs go on where netconvert refuses the roads.
             plain, fallback = plain_network(None), error.message
             network = netconvert(plain, folder)
+    # Shapes were kept out of netconvert, which would cut lanes back to them (see plain).
     for junction in network.iter("junction"):
         outline = plain.outlines.get(junction.get("id", ""))
         if outline:
@@ -255,8 +262,7 @@ def convert(roads: RoadNetwork | None, whole: bool = False) -> tuple[bytes, dict
 
 
 def georeference(network: etree._Element, roads: RoadNetwork) -> str | None:
-    """Give a SUMO network the projection and the offset of its roads; why not, where that can't be
-    done.
+    """Give a SUMO network the projection and the offset of its roads, or return the reason against.
 
     SUMO adds `netOffset` to projected coordinates; it can't turn them.
     """
@@ -287,9 +293,8 @@ def proj_text(roads: RoadNetwork) -> str:
     crs = GeoReference(roads).crs
     given = str(roads.geo_reference).strip()
     if not given.startswith("+proj="):
-        with warnings.catch_warnings(
-            action="ignore", category=UserWarning
-        ):  # names of datums are lost
+        # PROJ strings lose the names of datums, which pyproj warns of.
+        with warnings.catch_warnings(action="ignore", category=UserWarning):
             given = crs.to_proj4()
     return given.replace("+type=crs", "").strip()
 
@@ -312,6 +317,7 @@ def lift(network: etree._Element, tracks: Mapping[str, LaneTrack], roads: RoadNe
         ]
         gone = np.array([0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))])
         whole = max(gone[-1], _SHORTEST)
+        # Corners of the shape are seen from above only: hills lie between them.
         between = np.arange(_HEIGHTS_APART, whole, _HEIGHTS_APART)
         places = np.unique(np.concatenate([gone, between]))
         heights = _heights(roads.roads[track.road_id], track, places / whole)
@@ -325,11 +331,11 @@ def lift(network: etree._Element, tracks: Mapping[str, LaneTrack], roads: RoadNe
 
 
 def _bends(places: FloatArray, heights: FloatArray, kept: BoolArray) -> BoolArray:
-    """The places of a shape with those between at which heights (m) are not those of straight
-    lines."""
+    """Places of a shape, and further ones where heights (m) leave the straight lines between."""
     while True:
         away = np.abs(np.interp(places, places[kept], heights[kept]) - heights)
         piece = np.cumsum(kept)  # number of the line that a place is on
+        # The last one in order of distance stays: the worst of each line.
         worst = {int(piece[at]): int(at) for at in np.argsort(away) if away[at] > _STRAIGHT}
         if not worst:
             return kept
@@ -345,6 +351,7 @@ def _heights(road: Road, track: LaneTrack, shares: FloatArray) -> FloatArray:
     count = math.ceil(abs(track.end - track.start) / _HEIGHTS_APART) + 1
     places = []
     for s in np.linspace(track.start, track.end, max(count, 2)).tolist():
+        # At the end of a track, a section may begin that lacks the lane.
         lane_id = track.lane_id if track.lane_id in road.section(s).lanes else road.lane_at(s, 0.0)
         places.append(road.pose(s, road.lane_t(s, lane_id))[:3])
     line = np.array(places)
@@ -353,7 +360,7 @@ def _heights(road: Road, track: LaneTrack, shares: FloatArray) -> FloatArray:
 
 
 def _check_widths(plain: PlainNetwork) -> None:
-    """netconvert goes on for minutes with lanes of many kilometres.
+    """Refuse lanes of many kilometres of width, on which netconvert spends minutes.
 
     Raises:
         NetconvertFailed: a lane is too wide.
@@ -377,8 +384,10 @@ def _connections(network: etree._Element) -> _Connections:
 
 
 def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, LaneTrack]]:
-    """Every SUMO lane with what it is in the road network; lanes inside junctions with all that
-    they pass, in order."""
+    """Tracks of all SUMO lanes on the roads.
+
+    A lane inside a junction has one for each lane that it passes, in order.
+    """
     found = list(plain.lanes.items())
     onward = {
         f"{source.edge}_{source.lane}": element.get("via")
@@ -386,6 +395,8 @@ def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, L
         if source.edge[0] == ":"
     }
     for way, tracks in plain.inside.items():
+        # netconvert cuts long ways through junctions into chains of inner lanes: the track is that
+        # of all.
         inner = connections[way].get("via") if way in connections else None
         while inner:
             found += [(inner, track) for track in tracks]
@@ -399,6 +410,7 @@ def _signals(plain: PlainNetwork, connections: _Connections) -> dict[str, list[S
         light = connections[way].get("tl") if way in connections else None
         if light:
             link = SignalLink(light, int(connections[way].get("linkIndex", 0)))
+            # Several connecting roads of one way may have the same signal.
             for signal_id in dict.fromkeys(held):
                 signals[signal_id].append(link)
     return signals
@@ -426,6 +438,7 @@ def build(path: str | PathLike[str] | None) -> SumoNet:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _build(path: Path | None, _stamp: Stamp, _folder: Path) -> SumoNet:
+    # The folder is a parameter, for lru_cache to tell caches apart when it is changed.
     entry = CacheEntry(read_bytes(path) if path else b"")
     index = entry.read()
     if index is None:

@@ -99,10 +99,12 @@ def restricted(use: Use, allowed: bool, users: Iterable[str]) -> Use:
     """Return the use of a lane that some road users alone may take (`allowed`), or all others;
     emergency vehicles always may."""
     named = {kind for user in users for kind in _CLASSES.get(user, "").split()}
+    # Users that SUMO has no class for restrict nothing, rather than all.
     if not named or use is CLOSED:
         return use
     listed = use.classes.split()
     if allowed:
+        # Emergency vehicles take any lane that is open to somebody.
         open_to = named | {"emergency", "authority", "army"}
         kept = (
             [user for user in listed if user in open_to]
@@ -170,12 +172,14 @@ class SumoNet:
         self._lanes: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
         for sumo_lane, track in tracks:
             known = self._tracks.get(sumo_lane)
+            # Inside junctions a SUMO lane may pass several roads: the longest names it.
             if known is None or track.length > known.length:
                 self._tracks[sumo_lane] = track
             self._lanes[track.road_id, track.lane_id].append(
                 (min(track.start, track.end), sumo_lane)
             )
         for places in self._lanes.values():
+            # By s, to be bisected.
             places.sort()
 
     @property
@@ -218,6 +222,7 @@ def centre_line(road: Road, lane: Lane, start: float, end: float) -> list[Point]
         return pose.x, pose.y
 
     low, high = min(start, end), max(start, end)
+    # Curves are smooth only between starts of geometries and widths, and so are halved there.
     breaks = sorted(
         {low, high, *(s for s in (*road.line.starts, *lane.center.starts) if low < s < high)},
         reverse=start > end,
@@ -241,6 +246,7 @@ def _refine(
     depth: int = 0,
 ) -> None:
     """Append the points after `start` up to `end`, close enough together."""
+    # Three points, since an S-shaped curve crosses its chord in the middle.
     quarters = [start + (end - start) * share for share in (0.25, 0.5, 0.75)]
     inner = [at(s) for s in quarters]
     enough = depth >= _DEEPEST or len(points) >= _MOST_POINTS
@@ -265,6 +271,7 @@ def _aside(point: Point, first: Point, last: Point) -> float:
     """Distance of a point from the segment between two others."""
     dx, dy = last[0] - first[0], last[1] - first[1]
     length = math.hypot(dx, dy)
+    # A closed curve has no chord: its distance counts from the point.
     if length < 1e-9:
         return math.dist(point, first)
     return abs((point[0] - first[0]) * dy - (point[1] - first[1]) * dx) / length
@@ -323,6 +330,7 @@ def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
             (False, road.sections[-1], road.length),
         ):
             for lane in section.lanes.values():
+                # Only lanes with traffic that drives to this end.
                 if lane.id and (road.direction(lane.id, s) < 0) == at_start:
                     source = LaneLink(road.id, lane.id, at_start)
                     onward = _onward(network, source, use_of(lane.type).kind, LONGEST_CHAIN)
@@ -363,6 +371,7 @@ def _onward(
             yield (), link
             continue
         passed = stretches(road, link)
+        # A ring of connecting roads would go on forever.
         if chain and len(passed) == len(road.sections):
             far_end = LaneLink(road.id, passed[-1][1], not link.at_start)
             for via, target in _onward(network, far_end, kind, chain - 1):
@@ -408,7 +417,8 @@ class Nodes:
         return _name(("road", road.id, str(number)))
 
     def _join(self, one: _End, other: _End) -> None:
-        first, second = sorted((self._root(one), self._root(other)))  # a junction before a road
+        # Sorted: a junction before a road, and names that do not depend on the order of the links.
+        first, second = sorted((self._root(one), self._root(other)))
         if first != second:
             self._parents[second] = first
 

@@ -79,7 +79,8 @@ class Light(NamedTuple):
 
 
 def lights(network: RoadNetwork) -> dict[str, list[Light]]:
-    """All traffic lights by the road for whose traffic they are, signal references included."""
+    """Traffic lights by road, those that signal references add included."""
+    # Files in the wild give lights own types; a controller tells that they are lights.
     controlled = frozenset(
         signal for controller in network.controllers.values() for signal in controller.signals
     )
@@ -119,6 +120,8 @@ def _directions(road: Road, signal_id: str, signal: Signal | SignalReference) ->
 def _stop(road: Road, s: float, direction: int) -> float | None:
     """Return the stop position for a traffic light at s; None for a near junction ahead or a light
     past the road."""
+    # A light shortly before a junction holds the ways through it; any other needs a place to stop
+    # of its own.
     link, left = (road.successor, road.length - s) if direction > 0 else (road.predecessor, s)
     at_junction = link is not None and link.element_type == "junction" and left <= APPROACH
     return None if at_junction or not 0.5 < s < road.length - 0.5 else s
@@ -141,7 +144,7 @@ class SumoLane(NamedTuple):
 
 @dataclass(slots=True)
 class PlainNetwork:
-    """netconvert's input, and what its names mean.
+    """Input of netconvert, and the meanings of its names.
 
     lanes: by SUMO lane id. inside: the connecting lanes of each way from place to place. signals:
     ids that hold each way. outlines: of the junctions, by node.
@@ -165,6 +168,7 @@ def plain_network(network: RoadNetwork | None, whole: bool = False) -> PlainNetw
     """
     roads = network.roads.values() if network else ()
     poses = [road.pose(s) for road in roads for s in (0.0, road.length)]
+    # Ends of roads suffice for all of them, at such a distance.
     x = min((pose.x for pose in poses), default=0.0) - _DOCK_DISTANCE
     y = min((pose.y for pose in poses), default=0.0) - _DOCK_DISTANCE
     plain = (
@@ -210,8 +214,10 @@ class _PlainNetworkWriter:
         self.network = network
         self.whole = whole
         rules = [road.rule for road in network.roads.values()]
+        # SUMO has one rule for a network: that of most roads.
         self.plain = PlainNetwork(rules.count("LHT") > len(rules) / 2)
         self.connections = lane_connections(network)
+        # Roads passed inside junctions are shapes of connections, no edges.
         inner = {link.road_id for connection in self.connections for link in connection.via}
         self.roads = [road for road in network.roads.values() if road.id not in inner]
         self.nodes = Nodes(self.roads, self.connections)
@@ -235,8 +241,7 @@ class _PlainNetworkWriter:
     # roads ----------------------------------------------------------------------------------
 
     def _road(self, road: Road) -> None:
-        """The edges of one road and the ways between them; remembers which SUMO lanes lie at the
-        road's ends."""
+        """Write the edges of one road and the ways between them; remember the lanes at its ends."""
         pieces = self._pieces(road)
         prefix = quote(road.id, safe="")
         inner = [self.nodes.inner_name(road, number) for number in range(1, len(pieces))]
@@ -271,6 +276,7 @@ class _PlainNetworkWriter:
         if not road.line.straight:
             count = min(math.ceil(road.length / LONGEST_BEND), _MOST_BENDS)
             cuts |= {road.length * number / count for number in range(1, count)}
+        # A ring would be one edge from a node to itself.
         if len(road.sections) == 1 and self.nodes.name(road, True) == self.nodes.name(road, False):
             cuts.add(road.length / 2)
         pieces = []
@@ -309,6 +315,7 @@ class _PlainNetworkWriter:
 
     def _from_the_kerb(self, road: Road, piece: _EdgePiece, direction: int) -> list[Lane]:
         """The lanes of one direction, in SUMO's order."""
+        # From right to left, as traffic along s sees them; SUMO counts from the kerb.
         ids = (*reversed(piece.section.right), *piece.section.left)
         lanes = [
             piece.section.lanes[lane_id]
@@ -338,6 +345,7 @@ class _PlainNetworkWriter:
             if direction != road.direction(following, after.middle):
                 continue
             if direction > 0:
+                # Against s the way leads from the later piece to the earlier one.
                 way, entered = (place, rows[1][following]), lane_id
             else:
                 way, entered = (rows[1][following], place), following
@@ -366,6 +374,7 @@ class _PlainNetworkWriter:
                 tracks.append(LaneTrack(road.id, lane_id, start, end))
                 shape += centre_line(road, section.lanes[lane_id], start, end)
         self.shapes.setdefault((source, target), shape)
+        # Others add their tracks and signals: all these lanes are the one in SUMO.
         self.plain.inside[source, target] = (*self.plain.inside.get((source, target), ()), *tracks)
         self.plain.signals[source, target] = (
             *self.plain.signals.get((source, target), ()),
@@ -377,6 +386,7 @@ class _PlainNetworkWriter:
         connecting roads."""
         direction = -1 if connection.source.at_start else 1
         for light in self.lights[connection.source.road_id]:
+            # Lights with an s of their own hold at a seam, not at the junction.
             if light.s is None and light.holds(connection.source.lane_id, direction):
                 yield light.signal_id
         for link in connection.via:
@@ -390,17 +400,16 @@ class _PlainNetworkWriter:
     # the rest -------------------------------------------------------------------------------
 
     def _connections(self) -> None:
-        """All connections and nodes; where a light holds one connection, the others of its node are
-        marked as free."""
+        """Write connections and nodes; at nodes with a light, mark those without one as free."""
+        # netconvert switches whole nodes.
         lit = {
             self.end_nodes[source.edge] for (source, _), held in self.plain.signals.items() if held
         }
         for name, corners in self.nodes.corners.items():
             self._node(name, corners, "traffic_light" if name in lit else "priority")
         for edge in sorted(self.end_nodes.keys() - {source.edge for source, _ in self.shapes}):
-            _element(
-                self.plain.connections, "connection", **{"from": edge}
-            )  # none leads on: netconvert shall not guess any
+            # netconvert guesses connections for an edge that has none: this says that none leads on
+            _element(self.plain.connections, "connection", **{"from": edge})
         for (source, target), shape in self.shapes.items():
             ends = {
                 "from": source.edge,
@@ -411,12 +420,15 @@ class _PlainNetworkWriter:
             element = _element(self.plain.connections, "connection", **ends)
             if len(shape) > 1:
                 element.set("shape", text(shape))
+            # Else netconvert's own program for the node would stop them.
             if self.end_nodes[source.edge] in lit and not self.plain.signals[source, target]:
                 element.set("uncontrolled", "true")
 
     def _node(self, name: str, corners: list[Point], kind: str) -> None:
-        """A node with no outline of its own: netconvert would cut the lanes back, or draw them on,
-        to where they meet it."""
+        """Write a node whose outline lies nowhere.
+
+        netconvert would cut lanes back, or draw them on, to meet an outline at its place.
+        """
         x, y = middle(corners)
         _element(
             self.plain.nodes,
@@ -440,6 +452,7 @@ def _add_lane(
     usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
     speed = road.speed_limit(piece.middle, lane.id) or usual
     use = _use(lane)
+    # The last record that has begun; pieces are cut at records, so it holds for all of the piece.
     access = next((access for access in reversed(lane.accesses) if access.s <= piece.middle), None)
     if access is not None:
         use = restricted(use, access.allowed, access.users)
@@ -466,6 +479,7 @@ def _width(road: Road, lane: Lane, piece: _EdgePiece) -> float:
     places = [
         piece.start + (piece.end - piece.start) * share for share in (0.0, 0.25, 0.5, 0.75, 1.0)
     ]
+    # A width may have its peak at a record between the even places.
     inside = [s for s in lane.width.starts if piece.start < s < piece.end]
     widths = [
         max(lane.width(s), 0.0) * math.cos(road.superelevation(s)) for s in (*places, *inside)
