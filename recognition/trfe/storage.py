@@ -79,6 +79,7 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
         else {}
     )
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config), **stated})}
+    # safetensors writes memory as it lies: arrays of another order would be scrambled.
     with writing("the model", folder):
         keep(
             safetensors.save(
@@ -122,6 +123,7 @@ def load(folder: Path) -> TRFE:
         waiting = _part(arrays, "buffer")
         if waiting:
             model.buffer.add(matrix(waiting["inputs"], width), waiting["keys"])
+        # Parts that do not fit fail here, not in the middle of a catalogue.
         model.recognise(model.known.fitted.features[:1])
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
         raise InvalidFile(
@@ -228,8 +230,10 @@ def _setting(name: str, kind: Any, value: Any) -> Any:
     if is_dataclass(kind) and isinstance(kind, type):
         return _settings(kind, value)
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
+    # float) and not abs | NaN, which Python's JSON can hold, fails this comparison too.
     if isinstance(value, int | float) and not abs(value) <= _LARGEST:
         raise ValueError(f"its setting {name} is not a number up to {_LARGEST:g}")
+    # The exact type: to isinstance, true is a number.
     if value in allowed or (not allowed and type(value) in (get_args(kind) or (kind,))):
         return value
     raise ValueError(f"its setting {name} can't be {value!r}")

@@ -83,7 +83,9 @@ def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pair
     """Masks of pairs that are alike and of pairs that differ by S (n, n), with the quantiles of the
     settings."""
     low, high = np.quantile(
-        similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive]
+        # Without the diagonal, on which S is 1.
+        similarity[np.triu_indices(len(similarity), 1)],
+        [config.negative, config.positive],
     )
     # Pairs between both quantiles are left out: their similarity says nothing either way.
     alike = similarity >= high
@@ -172,6 +174,7 @@ def cluster(
     truth = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
     losses = np.zeros((config.epochs, 3))
     with deterministic(seed):
+        # `deterministic` restores the caller's number.
         torch.set_num_threads(config.threads)
         heads = _heads(backbone, samples, anchors, truth, novel, config, seed)
         optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
@@ -326,6 +329,7 @@ def _stable_strength(
     strengths: list[float] = []
     for one, other in halves:
         strengths.append(_strength(features[one], features[other], count, seed))
+        # No strength is above 1: the mean can't reach the limit any more.
         if sum(strengths) + len(halves) - len(strengths) < _STABLE * len(halves):
             return None
     mean = float(np.mean(strengths))
@@ -336,6 +340,7 @@ def _bends(features: Features, counts: int, seed: int) -> FloatArray:
     """Return the bend of the inertia of k-means at each number of clusters from two on."""
     if not counts:
         return np.zeros(0)
+    # The second difference at a count needs one cluster fewer and one more.
     inertia = [
         KMeans(count, n_init=5, random_state=seed).fit(features).inertia_
         for count in range(1, counts + 3)

@@ -84,6 +84,7 @@ class StoredEncoder:
             classes = tuple(int(label) for label in config["classes"])
             if view.frames % architecture.patch:
                 raise ValueError(f"tokens of {architecture.patch} frames do not fit its windows")
+            # Before `_shapes` lists them: a depth of billions would fill the memory.
             if architecture.depth > len(weights):
                 raise ValueError(
                     f"the {len(weights)} tensors of {WEIGHTS} are too few for its "
@@ -121,11 +122,14 @@ class StoredEncoder:
         def apply(start: int) -> None:
             found[start : start + _BATCH] = self._forward(windows[start : start + _BATCH])
 
+        # Threads take whole batches and none divides a product, so that no sum depends on their
+        # number.
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(apply, range(0, len(windows), _BATCH)))
         return found
 
     def _forward(self, values: NDArray[np.floating[Any]]) -> Features:
+        # `tokenise` writes NaN into all features of an absent participant: one of them tells.
         there = ~np.isnan(values[..., 0])
         seen = np.nan_to_num(values.astype(np.float32)).clip(-FURTHEST, FURTHEST)
         seen = np.concatenate([seen, there[..., None].astype(np.float32)], axis=-1)
@@ -141,6 +145,7 @@ class StoredEncoder:
         *blocks, last = range(self.architecture.depth)
         for block in blocks:
             tokens = self._block(block, tokens, present, participants)
+        # Only the ego's tokens are read: the last block leaves out the others.
         ego = self._block(last, tokens, present, 1)
         weight = present[:, :1, :, None].astype(np.float32)
         mean = (ego * weight).sum(axis=(1, 2)) / weight.sum(axis=(1, 2)).clip(min=1.0)
@@ -154,6 +159,7 @@ class StoredEncoder:
             n, participants * times, dim
         )
         mixed = f"{name}.attention.mixed"
+        # Rows of the mixed weights: dim of queries, then dim of keys and dim of values.
         query = self._linear(mixed, normed[:, : count * times], slice(dim))
         both = self._linear(mixed, normed, slice(dim, None))
         heads, size = self.architecture.heads, dim // self.architecture.heads
@@ -164,6 +170,7 @@ class StoredEncoder:
         query *= np.float32(1.0 / np.sqrt(size))
         scores = query @ key.transpose(0, 1, 3, 2)
         scores += np.where(present, np.float32(0.0), _HIDDEN).reshape(n, 1, 1, -1)
+        # Softmax is the same; in single precision exp overflows above 88.
         scores -= scores.max(axis=-1, keepdims=True)
         np.exp(scores, out=scores)
         scores /= scores.sum(axis=-1, keepdims=True)
@@ -234,6 +241,7 @@ def _weights(path: Path) -> Weights:
     for name, value in weights.items():
         if not np.issubdtype(value.dtype, np.floating) or not np.isfinite(value).all():
             raise InvalidFile(f"the weights {name} are not finite numbers", path=path)
+    # Stored weights may have half precision, see `encoder.storage.rounded`.
     return {name: value.astype(np.float32) for name, value in weights.items()}
 
 

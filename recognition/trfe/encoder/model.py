@@ -35,6 +35,7 @@ class Attention(nn.Module):
         """Return the attention output of all tokens, or of the first `count`, over the present ones
         (n, tokens)."""
         normed, dim = self.norm(tokens), tokens.shape[-1]
+        # Queries are of the wanted tokens only, keys and values of all: the weights are split.
         weights, biases = (
             self.mixed.weight.split((dim, 2 * dim)),
             self.mixed.bias.split((dim, 2 * dim)),
@@ -161,6 +162,7 @@ class TokenEncoder(Encoder):
         self.time = nn.Parameter(torch.empty(frames // architecture.patch, dim))
         self.kind = nn.Parameter(torch.empty(2, 1, dim))
         self.blocks = nn.ModuleList(AttentionBlock(architecture) for _ in range(architecture.depth))
+        # Tensors on `meta` have shapes only, see `_drawn`.
         if not self.time.is_meta:
             nn.init.normal_(self.time, std=_SPREAD)
             nn.init.normal_(self.kind, std=_SPREAD)
@@ -177,6 +179,8 @@ class TokenEncoder(Encoder):
         *blocks, last = self.blocks
         for block in blocks:
             embedded = block(embedded, there)
+        # The mean is over the times at which the ego is there. Others' tokens are not read any
+        # more: the last block leaves them out.
         weight = there[:, :1].unsqueeze(-1).float()
         ego = (last(embedded, there, 1) * weight).sum(dim=(1, 2)) / weight.sum(dim=(1, 2)).clamp(
             min=1.0
@@ -186,14 +190,17 @@ class TokenEncoder(Encoder):
     def embedded(self, values: Tensor) -> tuple[Tensor, Tensor]:
         """Tokens (n, participants, times, dim) before the blocks, and the mask of present
         participants."""
+        # `tokenise` writes NaN into all features of an absent participant: one of them tells.
         there = ~values[..., 0].isnan()
         seen = torch.cat(
             [torch.nan_to_num(values.float()).clamp(-FURTHEST, FURTHEST), there.unsqueeze(-1)],
             dim=-1,
         )
+        # Without the mask the layer's bias would give absent frames a value.
         frames = self.frame(seen) * there.unsqueeze(-1)
         patch = self.architecture.patch
         tokens = self.embedding(frames.unflatten(2, (-1, patch)).flatten(3)) + self.time
+        # Two kinds of tokens: the ego's, which come first, and others'.
         kinds = self.kind[[0] + [1] * (values.shape[1] - 1)]
         return tokens + kinds, there.unflatten(2, (-1, patch)).any(dim=-1)
 
@@ -206,6 +213,7 @@ class TokenEncoder(Encoder):
     def _without_some(self, values: Tensor) -> Tensor:
         """A share of the others is not there."""
         missed = torch.rand(values.shape[:2], device=values.device) < _MISSED
+        # Never the ego, which the window is about.
         missed[:, 0] = False
         return values.masked_fill(missed[..., None, None], torch.nan)
 
@@ -213,8 +221,10 @@ class TokenEncoder(Encoder):
         """Remove the participants before or after some time in a share of the windows, as at the
         ends of a recording."""
         count, frames = values.shape[0], values.shape[2]
+        # Less than half at either end, so that the middle of the window stays.
         most = frames // 2 - 1
         lost = torch.rand((2, count, 1), device=values.device)
+        # One draw for both: below `_CUT` it is uniform, so that it gives the length as well.
         cut = (lost < _CUT) * (lost / _CUT * most).ceil()
         time = torch.arange(frames, device=values.device)
         away = (time < cut[0]) | (time >= frames - cut[1])
@@ -237,12 +247,14 @@ def augmented(grids: Tensor) -> Tensor:
     """
     n, _, _, rows, columns = grids.shape
     drawn = torch.rand((n, 1, 1, rows, columns), device=grids.device)
+    # One draw for both: beyond `_DROPPED` it is uniform, and gives a change of up to ±_NOISE.
     noise = 1.0 - _NOISE + 2.0 * _NOISE * (drawn - _DROPPED) / (1.0 - _DROPPED)
     return _shifted(grids) * torch.where(drawn < _DROPPED, 0.0, noise).to(torch.bfloat16)
 
 
 def _shifted(grids: Tensor) -> Tensor:
     down, right = (int(torch.randint(-most, most + 1, ())) for most in _SHIFT)
+    # Negative padding crops, so that the size stays.
     return F.pad(grids, (right, -right, down, -down))
 
 
@@ -281,6 +293,7 @@ class GridEncoder(Encoder):
                     f"multiples of {_STEM}"
                 )
             self.front = _convolutions(depth * channels)
+            # The convolutions take the frames of a patch as channels, and give one frame.
             height, width, depth, channels = height // _STEM, width // _STEM, 1, _STEM_CHANNELS[-1]
         dim, places = architecture.dim, self._rows * self._columns
         self.embedding = nn.Linear(depth * channels * height * width, dim)
@@ -307,6 +320,7 @@ class GridEncoder(Encoder):
 
     def _tokens(self, grids: Tensor) -> Tensor:
         """Values of each token: (n, times, places, values)."""
+        # In the precision of autocast from the start, which would convert the cells later anyway.
         kind = self.embedding.weight.dtype
         if torch.is_autocast_enabled(grids.device.type):
             kind = torch.get_autocast_dtype(grids.device.type)

@@ -116,11 +116,13 @@ def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture])
         else:
             raise ValueError(f"it reads {config['reads']!r}, neither {TOKENS} nor {_GRIDS}")
         classes = [int(label) for label in config["classes"]]
+        # A block costs time on `meta` too: a depth of billions would not end.
         if architecture.depth > len(weights):
             raise ValueError(
                 f"the {len(weights)} tensors of {of.name} are too few for its "
                 f"{architecture.depth} blocks"
             )
+        # Shapes without memory, as the sizes in the file are not trusted.
         with torch.device("meta"):
             shapes = untrained(architecture, view, classes).state_dict()
     except (
@@ -209,6 +211,7 @@ def _applied(
     def apply(start: int) -> None:
         part = inputs[start : start + _BATCH]
         with torch.inference_mode(), mixed(where):
+            # Torch warns of arrays that can't be written, such as those mapped from a file.
             batch = torch.from_numpy(part if part.flags.writeable else part.copy()).to(where)
             found[start : start + _BATCH] = (
                 torch.cat([function(batch).float() for function in functions], dim=1).cpu().numpy()

@@ -42,6 +42,7 @@ def device() -> torch.device:
 def deterministic(seed: int) -> Iterator[None]:
     """Same seed, same weights, on one kind of machine: within, torch is seeded and its algorithms
     and threads are fixed."""
+    # cuBLAS is deterministic with a fixed workspace only, and reads this before its first call.
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     threads, mode = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     memory: Any = torch.utils.deterministic
@@ -94,10 +95,12 @@ def train(
     model.train()
     for epoch in range(schedule.epochs):
         total = 0.0
+        # Batches of nearly equal size: a last one of a single window has no batch statistics.
         for chosen in torch.randperm(len(inputs)).tensor_split(steps // schedule.epochs):
             batch = torch.from_numpy(inputs[chosen.numpy()]).to(where, non_blocking=True)
             with mixed(where):
                 value = loss(batch, chosen)
+            # Backward runs outside of autocast, as torch asks for.
             optimiser.zero_grad()
             value.backward()
             nn.utils.clip_grad_norm_(model.parameters(), _GREATEST_NORM)
@@ -112,6 +115,7 @@ def train(
 def _share(done: float) -> float:
     """Share of the greatest learning rate after a share of all steps."""
     if done < _WARM_UP:
+        # Not from 0, at which the first step would change nothing.
         return (done + 1e-3) / (_WARM_UP + 1e-3)
     return 0.5 * (1.0 + math.cos(math.pi * min((done - _WARM_UP) / (1.0 - _WARM_UP), 1.0)))
 
@@ -153,7 +157,10 @@ class MaskedMotion(nn.Module):
         found = self.head(encoder(seen.masked_fill(hidden[:, None, :, None], torch.nan))).view_as(
             truth
         )
+        # Hidden frames in which the ego was not there have no truth.
         asked = hidden[..., None] & ~truth.isnan()
+        # Cut as the encoder cuts its inputs (FURTHEST). With nothing hidden the loss is 0, but has
+        # gradients.
         return (
             F.l1_loss(found[asked], truth[asked].clamp(-5.0, 5.0))
             if asked.any()
@@ -196,6 +203,7 @@ class FrameOrder(nn.Module):
 
     def __init__(self, encoder: GridEncoder) -> None:
         super().__init__()
+        # Factorial in the frames: 24 classes for the four of a grid.
         self.orders = torch.tensor(list(permutations(range(encoder.view.frames))))
         self.head = nn.Linear(encoder.architecture.dim, len(self.orders))
 
@@ -314,6 +322,7 @@ def finetune(
     truth = torch.from_numpy(np.searchsorted(classes, windows.labels))
     weights = torch.from_numpy(np.sqrt(counts.mean() / counts).astype(np.float32))
     with deterministic(seed):
+        # The pretrained encoder stays: models have the features of both.
         tuned = deepcopy(encoder)
         tuned.set_classes(classes.tolist())
         where = device()

@@ -62,6 +62,7 @@ def background_of(features: Features, seed: int) -> Features:
     Statistics 15, 2006).
     """
     random = np.random.default_rng(seed)
+    # With the least number added, features that do not vary become 0 instead of NaN.
     mean, scale = features.mean(axis=0), features.std(axis=0) + np.finfo(np.float32).tiny
     standard = ((features - mean) / scale).astype(np.float64)
     # Half of the background keeps the marginals of features, half those of their principal axes, so
@@ -163,6 +164,7 @@ def _of_class(
 
 
 def _logarithm(distances: NDArray[np.floating]) -> Features:
+    # A sample may repeat a reference, and the logarithm of 0 is no feature.
     return np.log(np.maximum(distances, np.finfo(np.float32).tiny)).astype(np.float32)
 
 
@@ -204,6 +206,7 @@ class VotingForest(NamedTuple):
     def vote(self, features: ArrayLike) -> Votes:
         """Votes on features (n, d), see `Trees.votes`, and distances to the known classes."""
         seen, classes = self.inputs(features), len(self.classes)
+        # The last columns have logarithms of distances, one for each class.
         distances = (
             np.exp(seen[:, -classes:].min(axis=1).astype(np.float64)) if self.neighbours else None
         )
@@ -268,6 +271,7 @@ def similarity(trees: Trees, features: ArrayLike) -> NDArray[np.float32]:
             rows = slice(start, start + _ROWS)
             part = np.empty_like(total[rows])
             for overlap, leaf in paths:
+                # With `clip` take writes into `out` directly; by default it buffers.
                 total[rows] += np.take(overlap[leaf[rows]], leaf, axis=1, out=part, mode="clip")
     return total / np.float32(trees.count_of_trees)
 

@@ -88,6 +88,7 @@ def choose_delta(
         votes, left_out = forest.vote(held), truth == out
         calibrating, judged = half & ~left_out, ~half | left_out
         usual, tried = votes.only(calibrating), votes.only(judged)
+        # Scores do not depend on δ: one fit serves all candidates.
         fitted = screening(deltas[0], seed).fit(
             usual.counts, truth[calibrating], trees, usual.distances
         )
@@ -173,6 +174,7 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps)
         raise UsageError("the samples to fit and to calibrate must be of the same classes")
     trained, held = fitted.recognised_by(config), calibrating.recognised_by(config)
     forest = steps.grow(*trained, trees=config.trees, seed=config.seed)
+    # Prototypes have no threshold to calibrate: both sets may make them.
     prototypes = steps.prototypes(*trained.joined(held))
     screening, votes = (
         steps.screening(_delta(trained, held, config, steps), config.seed),
@@ -237,6 +239,7 @@ def discover(known: KnownClasses, buffer: Buffer, config: Config, steps: Steps) 
     sifted = sift(seen, known.prototypes, config.preprocessing)
     rows = np.flatnonzero(sifted.kept)
     clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
+    # No cluster could be promoted.
     if len(rows) < config.promotion.least_samples:
         return Discovery(buffer.keys, features, sifted, clusters, [], labels, 0.0)
     axes = clustering_axes(known.fitted.joined(known.calibrating), features[rows], config, steps)
@@ -255,6 +258,7 @@ def discover(known: KnownClasses, buffer: Buffer, config: Config, steps: Steps) 
         clusters[rows], seen[rows], similar, known.prototypes, reference, config.promotion
     )
     candidates = [one._replace(members=rows[one.members]) for one in judged]
+    # Above all labels in use: those of earlier rounds keep their meaning.
     first = max(int(known.classes[-1]) + 1, FIRST_DISCOVERED)
     for label, one in enumerate((one for one in candidates if one.promoted), first):
         labels[one.members] = label

@@ -45,6 +45,7 @@ class Trees(NamedTuple):
         """The trees of a fitted forest of scikit-learn."""
         nodes = [tree.tree_ for tree in grown.estimators_]
         starts = np.cumsum([0, *(tree.node_count for tree in nodes)])
+        # scikit-learn numbers the nodes of each tree from 0.
         left, right = (
             np.concatenate(
                 [
@@ -95,6 +96,7 @@ class Trees(NamedTuple):
             name: values.astype(np.float64 if name == "threshold" else np.int64)
             for name, values in whole.items()
         }
+        # Checked in 64 bits and narrowed afterwards: no number of a file wraps round.
         found = cls(**numbers, width=width)
         found._check()
         small = {name: getattr(found, name).astype(np.int32) for name in _NODES}
@@ -165,6 +167,8 @@ class Trees(NamedTuple):
         going = np.flatnonzero(self.left[place] != _LEAF)
         while len(going):
             node = place[going]
+            # As in scikit-learn, float32 features against float64 thresholds: rounding one would
+            # move samples to another leaf.
             below = values[row[going] + self.feature[node]] <= self.threshold[node]
             node = np.where(below, self.left[node], self.right[node])
             place[going] = node

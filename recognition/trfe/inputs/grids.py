@@ -106,6 +106,7 @@ class Grid:
     @property
     def cells(self) -> tuple[int, int]:
         """Number of rows (across) and columns (along)."""
+        # Rounding may put a quotient just above a whole number, which would add an empty row.
         return math.ceil(self.width / self.cell_width - 1e-9), math.ceil(
             self.length / self.cell_length - 1e-9
         )
@@ -171,6 +172,7 @@ def picture(network: RoadNetwork, cell: float) -> Picture:
     columns, rows = np.minimum(np.ceil((high - low) / _PIXEL), _LARGEST).astype(int)
     planes = np.zeros((2, rows, columns), np.uint8)
     for inner, outer in lanes:
+        # 1.5 points a pixel, so that no pixel between the borders is missed.
         share = np.linspace(0.0, 1.0, 2 + int(1.5 * np.abs(outer - inner).max() / _PIXEL))[
             :, None, None
         ]
@@ -199,6 +201,7 @@ def _lanes(road: Road) -> list[tuple[FloatArray, FloatArray]]:
 
 def _refined(inner: FloatArray, outer: FloatArray) -> tuple[FloatArray, FloatArray]:
     steps = [np.hypot(*np.diff(line, axis=0).T) for line in (inner, outer)]
+    # As above, 1.5 points a pixel.
     count = 2 + int(1.5 * max(step.sum() for step in steps) / _PIXEL)
     given = np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
     stations = np.linspace(0.0, given[-1], count)
@@ -397,6 +400,7 @@ def rasterise(
         raise UsageError(
             f"the track of {ego!r} does not cover the {grid.span:g} s about {time:g} s"
         )
+    # The last column is the row at the centre of the window, offset 0.
     poses = np.repeat(rows[:, -1:], grid.frames, axis=1) if grid.pose == "window" else rows[:, :-1]
     order = np.argsort(
         rows[:, -1], kind="stable"
@@ -424,6 +428,7 @@ def _vehicles(
     shape = (len(egos), count)
     own = boxes.own[box]
     drawn: dict[Channel, NDArray[np.uint8]] = {}
+    # Code of a cell per m² of it that is covered.
     full = 255.0 / (grid.cell_length * grid.cell_width)
     for covers, mine in (("others", ~own), ("ego", own)):
         if covers in grid.channels:
@@ -450,6 +455,7 @@ def _about(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> Boxes
     dx, dy = frames.x[row] - frames.x[pose], frames.y[row] - frames.y[pose]
     cos, sin = np.cos(frames.h[pose]), np.sin(frames.h[pose])
     x, y = dx * cos + dy * sin, dy * cos - dx * sin
+    # By the circle about the box: a corner may reach into the grid from outside.
     radius = 0.5 * np.hypot(frames.length[row], frames.width[row])
     near = (np.abs(x - grid.ahead) < 0.5 * grid.length + radius) & (
         np.abs(y) < 0.5 * grid.width + radius
@@ -467,9 +473,11 @@ def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[IntArray, IntArra
     length, width = frames.length[boxes.row], frames.width[boxes.row]
     spacing = min(grid.cell_length, grid.cell_width) / _POINTS
     along, across = (np.maximum(np.ceil(size / spacing), 1.0) for size in (length, width))
+    # Boxes with equally many points are drawn together: vehicles have few sizes.
     counts, kind = np.unique(
         np.stack([along, across]).astype(np.int64), axis=1, return_inverse=True
     )
+    # Something to join where no box is near.
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
     for number, (many, more) in enumerate(counts.T.tolist()):
         found.append(
@@ -522,6 +530,7 @@ def _motion(
 
 
 def _code(velocity: FloatArray, zero: float) -> NDArray[np.uint8]:
+    # From 1, as 0 stands for a cell without a box.
     return np.clip(np.rint(velocity / VELOCITY_STEP) + zero, 1, 255).astype(np.uint8)
 
 
@@ -531,6 +540,7 @@ def _roads(
     """The channels that show the road, as seen from each pose: (frames of the
     batch, rows, columns) each.
     """
+    # With one pose for the window all its frames show the same road.
     distinct = 1 if grid.pose == "window" else grid.frames
     seen = poses[:, :distinct].ravel()
     road = picture(network, min(grid.cell_length, grid.cell_width))

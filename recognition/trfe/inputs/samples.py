@@ -190,6 +190,7 @@ class Prototypes:
         )
         sphere = np.trace(within) / len(within) * np.eye(len(within))
         variances, axes = np.linalg.eigh((1.0 - _SHRINKAGE) * within + _SHRINKAGE * sphere)
+        # Directions without variance would be scaled without bounds.
         return (scaling @ axes / np.sqrt(np.maximum(variances, np.finfo(np.float32).eps))).astype(
             np.float32
         )
@@ -237,6 +238,7 @@ class PrincipalAxes(NamedTuple):
         bare = cls(tuple(prototypes), np.eye(width, dtype=np.float32))
         sphere = bare.project(parts)
         axes = np.linalg.svd(sphere - sphere.mean(axis=0), full_matrices=False)[2][:components].T
+        # One divisor for all axes, so that strong directions stay longer than weak ones.
         spread = float((sphere @ axes).std(axis=0).mean())
         return bare._replace(
             axes=(axes / max(spread, np.finfo(np.float32).tiny)).astype(np.float32)
@@ -245,6 +247,7 @@ class PrincipalAxes(NamedTuple):
     def project(self, parts: Sequence[Features]) -> Features:
         """Coordinates (n, c) along the axes of samples whose features are in these parts, each (n,
         .)."""
+        # One part or two: a single one has the first weight.
         weighted = zip(self.prototypes, parts, _WEIGHTS, strict=False)
         return (
             np.concatenate(

@@ -292,6 +292,8 @@ class _SceneIndex:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._frames = int(scene.frame.max(initial=0)) + 2
+        # One ascending number for track and frame. `find` refuses frames outside, whose numbers are
+        # those of another track.
         self._keys = scene.track * self._frames + scene.frame
         self.by_frame = np.argsort(scene.frame, kind="stable")
         self.starts = np.searchsorted(scene.frame[self.by_frame], np.arange(self._frames + 1))
@@ -339,6 +341,7 @@ def _others(
     window, track, distance = _near(scene, index, own[:, anchors], tokens.reach)
     order = np.lexsort((distance, track, window))
     window, track, distance = window[order], track[order], distance[order]
+    # In this order the first row of a track in a window is its nearest.
     nearest = np.ones(len(window), bool)
     nearest[1:] = (window[1:] != window[:-1]) | (track[1:] != track[:-1])
     nearest &= track != egos[window]
@@ -361,6 +364,8 @@ def _near(
     ego = own.ravel()[own.ravel() != ABSENT]
     start, end = index.starts[scene.frame[ego]], index.starts[scene.frame[ego] + 1]
     sizes = end - start
+    # All participants in the frames of the egos' rows: ranges of different lengths, one after the
+    # other.
     first = np.repeat(start - np.concatenate([[0], np.cumsum(sizes)[:-1]]), sizes)
     other = index.by_frame[np.arange(len(first)) + first]
     window, ego = np.repeat(window, sizes), np.repeat(ego, sizes)
@@ -468,6 +473,7 @@ def _relative(scene: Scene, rows: IntArray, there: BoolArray) -> Values:
     frames = rows.shape[2]
     own = rows[:, :1]
     middle = own[:, :, frames // 2]
+    # An ego that is absent in the middle is seen from its last row.
     middle = np.where(middle == ABSENT, own.max(axis=2), middle)
     ego = np.broadcast_to(own, rows.shape).copy()
     ego[:, 0] = middle

@@ -83,6 +83,7 @@ def site_windows(path: Path, cache: Path, view: View, rules: Rules) -> SiteWindo
     """
     kept = cache / f"{path.name}-{source_of(path)}-{type(view).__name__.lower()}"
     events, regular = kept / "events", kept / "regular"
+    # Written last: where these are, the events are complete.
     if not is_windows(regular):
         made = _made(path, cache / "roads", view, rules)
         made[0].save(events)
@@ -114,6 +115,7 @@ def accept(model: TRFE, windows: Sequence[Windows]) -> None:
     """
     scores = [model.recognise(one.inputs).score for one in windows if len(one)]
     screening = model.known.screening
+    # The 0 gives `max` a second value where no site has an event.
     screening.threshold = max(
         screening.threshold, *(float(np.quantile(one, 1.0 - REJECTED)) for one in scores), 0.0
     )
@@ -161,6 +163,7 @@ def _share(flags: BoolArray) -> float:
 
 
 def _joined(parts: Sequence[Windows], view: View) -> Windows:
+    # An empty part has the view's shape, so that recordings without windows can be joined.
     none = np.zeros(0, np.str_)
     return joined([Windows(nothing(view), np.zeros(0, np.int64), none, none, np.zeros(0)), *parts])
 

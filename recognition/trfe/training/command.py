@@ -94,6 +94,7 @@ def train(
     chosen, rules = preset_of(settings.preset), Rules(signalised=True)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
     folder = settings.cache or out / "windows"
+    # Named after recordings, preset and number: windows of other settings are not taken for these.
     kept = folder / f"{source_of(path)}-{settings.preset}-{settings.of_each}"
     windows = windows_at(path, kept, view, settings.of_each, background=True)
     parts = split(windows, settings.seed, settings.split_by, settings.events_per_class)
@@ -109,6 +110,7 @@ def train(
         if settings.verdicts
         else windows.select([])
     )
+    # Verdicts on classes that are too rare to be known would teach the trees further classes.
     besides = besides.select(np.isin(besides.labels, windows.labels[parts.labelled]))
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
         labelled = joined([windows.select(parts.labelled), besides])
@@ -116,6 +118,8 @@ def train(
             trained = load(settings.encoders).encoders
         else:
             trained = encoders_of(labelled, others, chosen, view, settings.seed, progress)
+        # With --develop `accept` adapts the usual δ; a choice by leaving classes out costs a forest
+        # for each.
         config = Config(
             seed=settings.seed,
             delta=DELTA if settings.develop else None,

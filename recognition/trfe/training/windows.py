@@ -42,6 +42,7 @@ Inputs = NDArray[Any]
 
 def visible(recording: Recording, moments: Moments, view: View) -> BoolArray:
     """Whether the ego's track covers the view about each moment, so that it can be drawn."""
+    # Tokens may be absent at the ends of a window; a grid is drawn in every frame.
     times = view.offsets if isinstance(view, Grid) else (-0.5 * view.core, 0.0, 0.5 * view.core)
     return covered(recording, moments, times)
 
@@ -243,6 +244,7 @@ class Windows:
         import pyarrow as pa
 
         try:
+            # No pickles, which run code.
             inputs = np.load(folder / _INPUTS, mmap_mode="r", allow_pickle=False)
             if not isinstance(inputs, np.ndarray):
                 raise TypeError(f"{_INPUTS} is an archive, an array is expected")
@@ -320,6 +322,7 @@ def store(parts: Iterable[Windows], folder: Path) -> int:
     kind: np.dtype[Any] = np.dtype(np.float16)
     with writing("the windows", folder):
         folder.mkdir(parents=True, exist_ok=True)
+        # First: inputs that are half written must not pass for windows with the table of others.
         (folder / _TABLE).unlink(missing_ok=True)
         with (folder / _INPUTS).open("wb") as file:
             for part in parts:
@@ -653,10 +656,12 @@ def _deal(held: IntArray, shares: FloatArray, generator: np.random.Generator) ->
     while (part < 0).any():
         open_ = order[part[order] < 0]
         left = held[open_].sum(axis=0)
+        # Classes without a unit left are never the rarest.
         rarest = int(np.where(left > 0, (held[open_] > 0).sum(axis=0), len(held) + 1).argmin())
         having = open_[held[open_, rarest] > 0]
         largest = having[held[having, rarest].argmax()]
         without = np.array([not held[part == k, rarest].any() for k in range(len(shares))])
+        # The last key counts first: parts without the class, then its lack, then the lack of all.
         taker = int(np.lexsort((-lacking.sum(axis=1), -lacking[:, rarest], ~without))[0])
         part[largest] = taker
         lacking[taker] -= held[largest]
