@@ -228,6 +228,7 @@ def _seconds(rows: _RecordedRows, step: float) -> _Second:
     here = np.arange(max(len(rows.track) - ahead, 0))
     there = here + ahead
     time = rows.time[there] - rows.time[here]
+    # By the clock too: where frames are missing, so many rows are more than a second.
     kept = (rows.track[there] == rows.track[here]) & (np.abs(time - ahead * step) < 0.5 * step)
     here, there, time = here[kept], there[kept], time[kept]
     return _Second(
@@ -283,6 +284,7 @@ def ratio_of_speeds(
 ) -> FloatArray:
     """Speeds of the places over the mean of those stated at both ends of ways (n,)."""
     stated = 0.5 * (speed[here] + speed[there])
+    # Stated speeds of 0 give a huge ratio, not a division by 0.
     return way / time / np.maximum(stated, 1e-6)
 
 
@@ -334,6 +336,7 @@ def _plausible(
     throughout."""
     if not len(seconds.here):
         return None, []
+    # Categories without a limit are never too fast.
     fastest = np.array([_FASTEST.get(track.category, math.inf) for track in tracks])
     motor = np.array([track.kind == "vehicle" for track in tracks], bool)
     track, speed = rows.track[seconds.here], seconds.way / seconds.time
@@ -343,6 +346,7 @@ def _plausible(
     own = np.bincount(track, fast, minlength=len(tracks)) / np.maximum(total, 1)
     wrong = np.flatnonzero(own > _SOME).tolist()
     hard = _hard(rows, seconds, motor)
+    # Fewer wrong tracks are faults of their own; of one or two tracks, all have to be wrong.
     several = len(wrong) >= min(_FEWEST, len(tracks))
     if several and (share > _SHARE or len(wrong) > _SHARE * len(tracks)):
         worst = int(np.argmax(own))
@@ -434,7 +438,9 @@ def overlapping(tracks: Sequence[Track], time: float) -> tuple[IntArray, int]:
         return np.zeros((0, 2), np.int64), len(there)
     boxes = polygons(np.array(corners))
     one, other = STRtree(boxes).query(boxes, predicate="intersects")
+    # Each pair once, and no box with itself.
     one, other = one[one < other], other[one < other]
+    # Of the smaller box: a motorbike covers little of a lorry that it is inside of.
     shared = area(intersection(boxes[one], boxes[other])) / np.minimum(
         area(boxes[one]), area(boxes[other])
     )

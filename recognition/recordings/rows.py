@@ -118,6 +118,7 @@ class Rows:
         """Counts, a gap for each stretch of missing frames, an exclusion for each track with
         repeated rows."""
         late = np.flatnonzero(self.first[1:] > self.first[:-1]) + 1
+        # The beginning of a track is no gap.
         late = late[~np.isin(late, self.starts)]
         track = np.searchsorted(self.starts, late, side="right") - 1
         before, after = self.time[late - 1], self.time[late]

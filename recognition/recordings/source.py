@@ -282,6 +282,7 @@ def participant(
     wrong = None if kind == "miscellaneous" else wrong_size(category, length, width)
     if wrong:
         raise InvalidFile(wrong, element=f"participant {name}")
+    # OpenSCENARIO's reference point is the rear axle of a vehicle, and the centre of others.
     behind = REAR_AXLE * length if kind == "vehicle" else 0.0
     return TrackParticipant(
         name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height)
@@ -330,6 +331,7 @@ def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], 
     by_content = packages.described(FORMATS, "BY_CONTENT")
     modules = [import_module(f"{FORMATS}.{name}") for name in by_content]
     modules += plugins.modules("xosc.dataset", taken=by_content, needs=_PARTS).values()
+    # Formats that claim by name come first: contents of their files may look like others'.
     formats: list[Any] = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
     if columns is not None:
         tables: Any = import_module(f"{FORMATS}.any_table")

@@ -79,6 +79,7 @@ def _good(values: np.ndarray, blank: int, kind: Kind) -> bool:
     if kind == "optional":
         return bool(((np.abs(values) <= GREATEST) | np.isnan(values)).all())
     if kind == "number":
+        # Blanks are NaN here, and fail the comparison.
         return bool((np.abs(values) <= GREATEST).all())
     least, greatest = _WHOLE_KINDS[kind]
     return not blank and bool(((values >= least) & (values <= greatest)).all())
@@ -101,6 +102,8 @@ def complaint(value: str, kind: Kind) -> str | None:
         least, greatest = _WHOLE_KINDS[kind]
         if not _WHOLE.fullmatch(value) or (least == 0 and "-" in value):
             return f"{shown!r} is not a whole number" + (" from 0" if least == 0 else "")
+        # Longer texts are not converted: the time that int() takes grows with the square of their
+        # length.
         return (
             None
             if len(value) <= _DIGITS and abs(int(value)) <= greatest
@@ -117,6 +120,7 @@ def _number(text: str) -> float | None:
         number = float(text)
     except ValueError:
         return None
+    # float() takes 1_000 for a number.
     return None if math.isnan(number) or "_" in text else number
 
 
@@ -235,6 +239,8 @@ def _require(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
 
 def _csv_names(path: Path) -> list[str]:
     try:
+        # A byte order mark is no part of the first name. The line is bounded: binary files may not
+        # end any.
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline(_LONGEST_HEADER)
             names = [name.strip() for name in next(csv.reader([first], strict=True), [])]
@@ -257,6 +263,7 @@ def _read_csv(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> Table:
     import pyarrow as pa
     import pyarrow.csv as pacsv
 
+    # Columns that are not read may be blank or repeat each other: numbers stand for their names.
     differing = [name if name in kinds else f"\0{index}" for index, name in enumerate(names)]
     convert = pacsv.ConvertOptions(
         column_types={name: arrow_type(kind) for name, kind in kinds.items()},
@@ -268,6 +275,7 @@ def _read_csv(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> Table:
             path, pacsv.ReadOptions(skip_rows=1, column_names=differing), convert_options=convert
         )
     except pa.ArrowInvalid as error:
+        # Arrow names no column: a slow second pass finds line and column.
         _find_fault(path, names, kinds)
         raise InvalidFile(f"this is no CSV table: {error}", path=path) from None
     except (OSError, ValueError) as error:
@@ -468,6 +476,7 @@ def read_records(path: Path, kinds: Mapping[str, Kind]) -> Table:
             ]
         whole = kind in ("whole", "integer", "stamp")
         types = (str,) if kind in ("text", "label") else (int,) if whole else (int, float)
+        # The exact type: to isinstance, JSON's true is a whole number.
         wrong = next(
             (row for row, one in enumerate(values) if type(one) not in types or not _fits(one)),
             None,
@@ -555,6 +564,7 @@ def points(record: Mapping[str, Any], key: str, path: Path, element: str) -> Flo
     found = value(record, key, list, path, element)
     try:
         flat = list(chain.from_iterable((point["x"], point["y"]) for point in found))
+        # float() would take texts for numbers; without them the count below does not fit.
         line = np.array([float(one) for one in flat if not isinstance(one, str)]).reshape(-1, 2)
     except (TypeError, KeyError, ValueError, OverflowError):
         raise InvalidFile(

@@ -190,6 +190,7 @@ def _read(path: Path, declaration: Path) -> tuple[Recording, Report]:
     for name, row in zip(names, rows.order[rows.starts[:-1]].tolist(), strict=True):
         box = (size * float(values[n][row]) if n in values else None for n in ("length", "width"))
         who.append(participant(name, _category(form, table, values, row), *box))
+    # Way from the recorded point to the centre, in lengths of the vehicle.
     ahead = {"centre": 0.0, "front": -0.5, "rear": 0.5, "rear axle": REAR_AXLE}
     off = ahead[form.frame["reference"]] * rows.each([one.box.length for one in who])
     x, y = x + off * np.cos(h), y + off * np.sin(h)

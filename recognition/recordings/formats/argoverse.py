@@ -215,6 +215,7 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
         sort=True,
     )
     place = np.flatnonzero(kept)
+    # The last track is that of the recording vehicle, which has no boxes.
     firsts = [int(place[row]) for row in rows.heads[:-1]]
     who = [
         *(
@@ -235,6 +236,7 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
         "sweeps are put on a clock of 10 Hz; speeds and accelerations are "
         "derived from the positions"
     )
+    # Poses are of the rear axle, `columns_of` takes centres.
     x = np.append(x[kept], ego[0][:, 0] + own.box.x * np.cos(heading))[rows.order]
     y = np.append(y[kept], ego[0][:, 1] + own.box.x * np.sin(heading))[rows.order]
     h = np.append(h[kept], heading)[rows.order]
@@ -391,6 +393,7 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     known = bounds.keys() - set(short)
     if not known:
         raise InvalidFile("no lane segment has a length", path=path, element="lane_segments")
+    # Directions of segments, by both bounds: opposite for neighbours with oncoming traffic.
     chords = {name: sum(line[-1] - line[0] for line in bounds[name]) for name in known}
 
     def beside(name: str, side: str) -> LaneletNeighbour | None:
@@ -452,6 +455,7 @@ def _bounds(segment: Mapping[str, Any], path: Path, name: str) -> tuple[FloatArr
 def _mark(kind: object) -> str:
     """The road mark of OpenDRIVE for a kind of lane mark."""
     name = str(kind)
+    # Marks of two lines first: SOLID_DASH begins with SOLID too.
     found = next((mark for words, mark in _MARKS.items() if name.startswith(words)), None)
     return found or (
         "broken" if name.startswith("DASHED") else "solid" if name.startswith("SOLID") else "none"

@@ -187,6 +187,7 @@ def _obstacle(element: etree._Element, role: str) -> _Obstacle:
     if east <= west or north <= south:
         raise invalid(element, "the shape has no size")
     who = participant(element.get("id") or "", category, east - west, north - south)
+    # Positions are of the frame's origin, which need not be the middle of the shape.
     return _Obstacle(
         who, role == "static", _states(element, 0.5 * (west + east), 0.5 * (south + north))
     )
@@ -422,6 +423,7 @@ def _members(path: Path) -> list[str]:
 def _content(path: Path, member: str) -> bytes:
     try:
         archive, entry = _archive(path, path.stat().st_mtime_ns)[member]
+        # Before extraction: a member may be far larger than the compressed archive.
         if entry.size > MAX_BYTES:
             raise InvalidFile(
                 f"the file has {entry.size} bytes, at most {MAX_BYTES} are read", path=path / member

@@ -113,6 +113,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     index = matched(table, rows, vehicles, "id")
     who = [_participant(vehicles, row) for row in index.tolist()]
     columns = _columns(table, rows, who, vehicles["drivingDirection"][index])
+    # Before the road is made, which would reach as far.
     far = np.abs(columns["x"] - np.median(columns["x"]))
     if far.max() > _FARTHEST:
         raise table.fault(
@@ -127,6 +128,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     )
     rows, who, columns = smoothed(rows, who, columns, report)
     highway = _highway(recording, columns["x"])
+    # Places on the road are those of the smoothed tracks.
     columns |= highway.places(columns["x"], columns["y"])
     network = load(highway.write(f"highD_{number(path)}", roads))
     return Recording(cut(rows, who, columns), 1.0 / rate, network), report

@@ -123,6 +123,7 @@ def _conditions(path: Path, origin: tuple[float, float]) -> OddConditions:
 
 def _map(path: Path, location: int) -> Path | None:
     """The Lanelet2 map of a location, in the nearest folder that has one."""
+    # Resolved, as the parents of a relative path end early.
     for parent in list(path.resolve().parents)[:_LEVELS]:
         found = sorted(
             osm

@@ -106,6 +106,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
     lanelets = _map(path, site)
     if "case_id" in column_names(path):
         cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
+        # Cases may be numbered 1.0, 2.0 and so on, as tracks may.
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
         return [
             Source(
@@ -177,6 +178,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     tracks, report = _tracks(table, step)
     pedestrians = path.with_name(path.name.replace("vehicle_", "pedestrian_"))
     if pedestrians != path and pedestrians.is_file():
+        # The two files are numbered apart, and names of a recording are unique.
         taken = frozenset(track.name for track in tracks)
         more, other = _tracks(_table(pedestrians), step, taken)
         tracks += more

@@ -179,6 +179,7 @@ def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
     remarks: list[str] = []
     unit = _unit(table, any(name.endswith("(m)") for name in _names(path)), remarks)
     track, names = _vehicles(table)
+    # Public tables come in any order, some with repeated rows.
     rows = in_order(table, track, _clock(table), sort=True, repeats=True)
     who = _participants(table, rows, names, _PUBLIC_CONSTANTS, unit, remarks)
     if not {"v_length", "v_width"} <= table.columns.keys():
@@ -190,6 +191,7 @@ def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
 def _public_columns(
     table: Table, rows: Rows, who: list[TrackParticipant], unit: float, remarks: list[str]
 ) -> Columns:
+    # Local_Y runs along the road, Local_X to its right; y points to the left.
     x, y = unit * table["local_y"][rows.order], -unit * table["local_x"][rows.order]
     h = heading_of_motion(rate(x, rows), rate(y, rows), rows)
     remarks.append("headings are the directions of motion")

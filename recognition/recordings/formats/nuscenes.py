@@ -218,6 +218,7 @@ def _objects(path: Path, at: Mapping[str, float]) -> Iterator[_Keyframes]:
                 "sample_token",
                 f"instance {token} has two boxes in this sample",
             )
+        # Sizes are width, length, height.
         who = participant(
             token[:length],
             category[token],
@@ -265,6 +266,7 @@ def _ego(path: Path, zero: int, at: Mapping[str, float]) -> _Keyframes:
         )
     time = (poses["timestamp"] - zero) / _MICROSECONDS
     chosen = np.flatnonzero(inside & (time >= -_STEP) & (time <= max(at.values()) + _STEP))
+    # Sensors have poses of their own, some at the same time.
     _, first = np.unique(time[chosen], return_index=True)
     rows = chosen[first]
     if len(rows) < 2 or np.ptp(time[rows]) < _STEP:
@@ -273,6 +275,7 @@ def _ego(path: Path, zero: int, at: Mapping[str, float]) -> _Keyframes:
         )
     own = participant(EGO, "car", *_EGO_SIZE)
     h = _headings(poses)[rows]
+    # Poses are of the rear axle, `columns_of` takes centres.
     x = poses["translation.0"][rows] + own.box.x * np.cos(h)
     y = poses["translation.1"][rows] + own.box.x * np.sin(h)
     return _Keyframes(own, time[rows], np.column_stack([x, y, h]))
@@ -310,6 +313,7 @@ def _between(time: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray
             there = PchipInterpolator(time[rows], values[rows])(
                 np.clip(own * _STEP, time[rows[0]], time[rows[-1]])
             )
+        # Pieces that round to one step would give two rows of one time.
         if not steps or own[0] > steps[-1][-1]:
             steps.append(own)
             found.append(there)
@@ -443,6 +447,8 @@ def _line(arcs: Any, path: Path, element: str) -> FloatArray:
                 if bend == 0.0:
                     line = np.column_stack([x + s * math.cos(h), y + s * math.sin(h)])
                 else:
+                    # The integral of the direction along an arc: sine and cosine over the
+                    # curvature.
                     line = np.column_stack(
                         [np.sin(turned) - math.sin(h), math.cos(h) - np.cos(turned)]
                     ) / bend + (x, y)

@@ -105,6 +105,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     )
     rows = in_order(table, track, clock, names=names)
     who = [TrackParticipant(name, *setup.entities[name][:3]) for name in names]
+    # Runs have no measurement noise: nothing is smoothed.
     columns = {name: table[name][rows.order] for name in COLUMNS}
     report = rows.report(names)
     return Recording(cut(rows, who, columns), setup.timestep, _network(setup.road, report)), report

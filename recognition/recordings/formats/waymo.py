@@ -288,6 +288,7 @@ def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Scen
         raise InvalidFile(f"{size.min():g} is no size", path=path, element=element)
     category = "truck" if kind == "vehicle" and size[0] > _LONG else _CATEGORIES[kind]
     wrong = wrong_size(category, *size.tolist())
+    # The recording vehicle can't be left out: `participant` refuses its size.
     if wrong and str(one["id"]) != ego:
         return Exclusion(f"object {one['id']}", len(steps), wrong)
     who = participant(str(one["id"]), category, *size.tolist())
@@ -312,6 +313,7 @@ def _vectors(
 
 
 def _numbers(values: list[Any], what: str, path: Path, element: str) -> FloatArray:
+    # The exact type: to isinstance, true is a number.
     wrong = next(
         (
             value
@@ -380,6 +382,7 @@ def _road(scene: _Scene, _recording: Recording, folder: Path) -> SiteRoad:
         raise InvalidFile(
             "the scene has no lanes, so its roads are unknown", path=path, element="roads"
         )
+    # No link may lead to a lane that was left out.
     known = {lane.id for lane in lanes}
     lanes = [
         lane

@@ -72,6 +72,7 @@ def places(path: Path) -> list[RecordSpan]:
                 if len(head) < _HEAD.size:
                     raise _fault(path, len(found), "it is cut short")
                 length, checksum = _HEAD.unpack(head)
+                # A damaged length would lead anywhere in the file.
                 if _masked(head[:8]) != checksum:
                     raise _fault(path, len(found), "its length has another checksum")
                 start = at + _HEAD.size
@@ -166,6 +167,7 @@ def _masked(content: bytes) -> int:
         rest = checksum >> (8 * len(block)) if len(block) < 4 else 0
         checksum = rest ^ int(np.bitwise_xor.reduce(tables[after, mixed]))
     checksum ^= 0xFFFFFFFF
+    # TFRecord's mask: rotated right by 15 bits, plus a constant.
     return ((checksum >> 15 | checksum << 17) + 0xA282EAD8) & 0xFFFFFFFF
 
 
@@ -199,6 +201,7 @@ def _fields(content: memoryview) -> Iterator[tuple[int, int, Any]]:
 
 def _varint(content: memoryview, at: int) -> tuple[int, int]:
     found = 0
+    # Ten bytes hold 64 bits, 7 in each.
     for shift in range(0, 70, 7):
         if at >= len(content):
             raise ValueError("a number is cut short")
@@ -232,6 +235,7 @@ def _real(value: Any) -> float:
 def _whole(value: Any) -> int:
     if not isinstance(value, int):
         raise ValueError("a whole number is expected")
+    # Negative numbers are written in two's complement of 64 bits.
     return value - (1 << 64) if value >= 1 << 63 else value
 
 
@@ -331,6 +335,7 @@ def _feature(feature: Message) -> Iterator[dict[str, Any]]:
     name = str(_last(feature, 1, 0, _whole))
     for lane in feature.get(_LANE, []):
         found = _nested(lane)
+        # Field 1 is in miles per hour.
         limit = _last(found, 1, 0.0, _real)
         yield {
             "id": name,

@@ -53,6 +53,7 @@ def minimum(
     now = terms(z)
     cost = np.add.reduceat(now.cost, heads)
     for _ in range(_ITERATIONS):
+        # In units of a usual change: m, rad and 1/m can't be compared.
         moved = z + _step(now, np.repeat(damping, sizes)[:, None] / scale**2)
         then = terms(moved)
         costs = np.add.reduceat(then.cost, heads)
@@ -61,8 +62,11 @@ def minimum(
         done = np.abs(cost - costs) <= slack
         rows = np.repeat(better, sizes)
         z = np.where(rows[:, None], moved, z)
+        # Small changes mean convergence with little damping only: with much, steps are short
+        # anyway.
         if (done & (damping <= _DAMPING)).all():
             break
+        # Tracks whose step was rejected keep their terms.
         now, cost = _chosen(rows, then, now), np.where(better, costs, cost)
         damping = np.where(
             better | done, np.maximum(_EASIER * damping, _LEAST_DAMPING), _HARDER * damping
@@ -105,6 +109,7 @@ def _band(own: FloatArray, across: FloatArray) -> FloatArray:
     """Lower band (2d, n d) of the symmetric matrix with diagonal blocks (n, d, d) and blocks below
     them (n - 1, d, d)."""
     n, d, _ = own.shape
+    # Row k has the k-th diagonal below the main one, as solveh_banded takes it.
     band = np.zeros((2 * d, n, d))
     for column in range(d):
         for row in range(column, d):
@@ -137,6 +142,7 @@ def smooth_vehicles(rows: Rows, seen: Observations) -> FloatArray:
     """
     h, still = headings(rows, seen), np.zeros(len(rows))
     along = rate(seen.x, rows) * np.cos(h) + rate(seen.y, rows) * np.sin(h)
+    # A single row has no rate: its recorded speed counts.
     speed = np.where(rows.first < rows.last, along, seen.speed)
     x, y = seen.x - seen.behind * np.cos(h), seen.y - seen.behind * np.sin(h)
     start = np.stack([x, y, h, speed, still, still], axis=1)
@@ -158,9 +164,12 @@ def _rows(
     """
     n, tails = len(z), seen.noise.tails
     cos, sin, h, v = np.cos(z[:, H]), np.sin(z[:, H]), z[:, H], z[:, V]
+    # States are of the rear axle, observations of the centre.
     off_x, off_y = z[:, X] + seen.behind * cos - seen.x, z[:, Y] + seen.behind * sin - seen.y
     turn = turned(h - seen.h)
     squares, turns = (off_x * off_x + off_y * off_y) / seen.off**2, (turn / seen.facing) ** 2
+    # Iteratively reweighted least squares: the weight is the derivative of Student's cost by the
+    # squared deviation.
     place, facing = (
         np.sqrt(seen.trusted * weight(squares, 2, tails)) / seen.off,
         np.sqrt(weight(turns, 1, tails)) / seen.facing,
@@ -173,6 +182,7 @@ def _rows(
     for i, (column, deviation) in enumerate(_UNKNOWN.items(), start=4):
         value[:, i], by[:, i, column] = z[:, column] / deviation, 1.0 / deviation
     _limit(value, by, z, seen)
+    # The first three residuals are reweighted: the cost itself is that of Student's distribution.
     costs = (
         seen.trusted * cost(squares, 2, tails)
         + cost(turns, 1, tails)
@@ -204,6 +214,7 @@ def _between(z: FloatArray, seen: Observations) -> tuple[FloatArray, FloatArray,
     """Residuals of intervals (model, noise, limit of jerk), and their derivatives by the states
     before and after."""
     dt, m, noise = seen.steps, len(z) - 1, seen.noise
+    # Rates are those of the mean state, so that the error is of third order in the step.
     mean, change = 0.5 * (z[:-1] + z[1:]), z[1:] - z[:-1]
     cos, sin, (v, a, k) = np.cos(mean[:, H]), np.sin(mean[:, H]), mean[:, V:].T
     excess = np.abs(change[:, A]) - seen.bounds.jerk[:-1] * dt
@@ -216,9 +227,12 @@ def _between(z: FloatArray, seen: Observations) -> tuple[FloatArray, FloatArray,
     by_mean[:, 2, V], by_mean[:, 2, K], by_mean[:, 3, A] = -dt * k, -dt * v, -dt
     by_change[:, range(6), range(6)] = 1.0
     by_change[:, 6, A] = excess > 0.0
+    # Noise that adds up as a random walk: with the root of the time.
     deviation = np.sqrt(dt)[:, None] * np.array([*_EXACT, noise.jerk, noise.bend, 1.0])
+    # The limit of jerk is none: its excess adds up with the time.
     deviation[:, 6] = dt * _FIRM_JERK
     inverse = seen.joined[:, None] / deviation
+    # Chain rule: both states are half of the mean, and −1 and +1 of the change.
     by_mean *= 0.5 * inverse[:, :, None]
     by_change *= inverse[:, :, None]
     return value * inverse, by_mean - by_change, by_mean + by_change

@@ -162,10 +162,13 @@ def deviation(rows: Rows, x: FloatArray, y: FloatArray) -> FloatArray:
     window = 2 * reach + 1
     if len(rows) < window:
         return np.full(len(rows), LEAST)
+    # Savitzky and Golay: the value in the middle of a fitted parabola is a convolution.
     fit = savgol_coeffs(window, 2)
     off = [np.convolve(values, fit, mode="same") - values for values in (x, y)]
     here = np.arange(len(rows))
+    # `same` pads with zeros: only whole windows count.
     whole = (here - rows.first >= reach) & (rows.last - here >= reach)
+    # Half, as the deviation is that of each axis.
     squares = np.where(whole, 0.5 * (off[0] ** 2 + off[1] ** 2), 0.0)
     first, last = np.maximum(here - reach, rows.first), np.minimum(here + reach, rows.last) + 1
     total, count = (np.append(0.0, np.cumsum(values)) for values in (squares, whole))
@@ -208,6 +211,7 @@ def headings(rows: Rows, seen: Observations) -> FloatArray:
     before = np.maximum.accumulate(np.where(shows, here, -1))
     after = np.minimum.accumulate(np.where(shows, here, n)[::-1])[::-1]
     source = np.where(before >= start, before, np.where(after < end, after, -1))
+    # By vectors: the mean of angles about ±π would point backwards.
     mean = rows.each(np.arctan2(rows.totals(np.sin(seen.h)), rows.totals(np.cos(seen.h))))
     return _unwrapped(np.where(source >= 0, h[source], mean), rows)
 
@@ -246,9 +250,11 @@ def _backwards(
     for _, group in groupby(zip(track, stretches, strict=True), itemgetter(0)):
         own = [stretch for _, stretch in group]
         turns = [_turns_back(motion[a[1]], motion[b[0]]) for a, b in pairwise(own)]
+        # Odd where the vehicle goes against the direction of its first stretch.
         parity = np.append(0, np.cumsum(turns)) % 2
         fast = [i for i, piece in enumerate(own) if _fast(seen, piece, speed)]
         if fast:
+            # The last fast stretch before, or the first one, says which parity is forwards.
             near = np.array(fast)[
                 np.maximum(np.searchsorted(fast, np.arange(len(own)), side="right") - 1, 0)
             ]

@@ -80,6 +80,7 @@ def _of(
     begins = abs(hard[0]) >= TURN and speed[first] < 0.0 and time[first] - time[start] <= EDGE
     ends = abs(hard[1]) >= TURN and speed[last] > 0.0 and time[end - 1] - time[last] <= EDGE
     rest = time[last if ends else end - 1] - time[first + 1 if begins else start]
+    # Too little would be left: the track stays as it is.
     if rest < _LEAST:
         return
     if begins:
@@ -129,6 +130,7 @@ def breaks(rows: Rows, x: FloatArray, y: FloatArray) -> Breaks:
     heads: dict[int, float] = {}
     pending: tuple[int, FloatArray] | None = None
     for row, off in _jumps(rows, place):
+        # Two jumps that undo each other are rows astray between them, not two cuts.
         if pending is not None and _comes_back(rows, pending, row, off):
             astray[pending[0] : row] = True
             del heads[pending[0]]
@@ -152,6 +154,7 @@ def _comes_back(rows: Rows, before: tuple[int, FloatArray], row: int, off: Float
 
 def _jumps(rows: Rows, place: FloatArray) -> Iterator[tuple[int, FloatArray]]:
     """Rows that are too far from where they were expected, and by which vector (m)."""
+    # A cheap test of all rows first, as the loop over suspects is in Python.
     way = np.diff(place, axis=0)
     bend = np.hypot(*np.diff(way, axis=0).T)
     sharp = np.zeros(len(way), bool)
@@ -163,6 +166,7 @@ def _jumps(rows: Rows, place: FloatArray) -> Iterator[tuple[int, FloatArray]]:
     for step in np.flatnonzero(sharp & ~apart).tolist():
         first, last = int(rows.first[step]), int(rows.last[step])
         around = np.arange(max(first, step - reach), min(last, step + reach + 1))
+        # The step in question must not judge itself.
         usual = (
             np.median(velocity[around[around != step]], axis=0)
             if len(around) > 2
@@ -355,6 +359,7 @@ def _tell_hard(
     """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be
     wrong there."""
     hard = (acceleration > _HARD * bounds.acceleration) | (acceleration < -_HARD * bounds.braking)
+    # `reduceat` fails on no rows.
     counts = (
         np.add.reduceat(hard, rows.starts[:-1], dtype=np.int64)
         if len(hard)
