@@ -334,7 +334,6 @@ def _sampled(track: TimedPath, skip: float) -> Iterator[Vertex]:
     end = track.path.length
     marks = sorted({skip, end, *(s for s in timed if skip <= s <= end)})
     for start, stop in pairwise(marks):
-        # At least one piece: two times at one place are two vertices.
         pieces = max(math.ceil((stop - start) / _STEP), 1)
         for n in range(pieces):
             s = start + (stop - start) * n / pieces

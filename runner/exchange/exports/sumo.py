@@ -269,7 +269,7 @@ def _routes(
     for track, name, way in zip(tracks, ids, places, strict=True):
         edges, first = _edges(way), way[0]
         walks = KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian"
-        # SUMO's routes begin on an edge outside of junctions, and persons have none.
+        # SUMO's routes begin on an edge outside of junctions, and are not for persons.
         if walks or first is None or first.lane.startswith(":"):
             why = "walks" if walks else "does not start on a lane"
             remarks.append(f"{track.name!r} {why}: it is in the FCD file, and has no route")

@@ -143,7 +143,7 @@ class ObservationArrays:
     ) -> tuple[float, ...] | None:
         """`ahead`, `left`, `lanes` and `speed` in lane coordinates of the ego; None where no way
         leads there."""
-        # Lane coordinates need roads under both.
+        # Without roads there are no lanes to count along.
         if network is None or seat is None:
             return None
         theirs = self._seat(network, other)
