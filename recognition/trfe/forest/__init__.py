@@ -108,7 +108,7 @@ class Neighbours(NamedTuple):
         truth = class_labels(labels, len(table))
         mean, scale = table.mean(axis=0), deviations(table)
         rows = np.sort(drawn_of_each(truth, _MOST, np.random.default_rng(seed)))
-        return cls(((table[rows] - mean) / scale).astype(np.float16), truth[rows], mean, scale)
+        return cls(_half((table[rows] - mean) / scale), truth[rows], mean, scale)
 
     def distances(self, features: ArrayLike) -> Features:
         """Logarithm of the mean distance to the three nearest references of each class (n, K).
@@ -116,11 +116,8 @@ class Neighbours(NamedTuple):
         A reference is not its own neighbour.
         """
         # Rounded as references are, or a reference would not be at distance 0 from itself.
-        standard = (
-            ((matrix(features, len(self.mean)) - self.mean) / self.scale)
-            .astype(np.float16)
-            .astype(np.float32)
-        )
+        half = _half((matrix(features, len(self.mean)) - self.mean) / self.scale)
+        standard = half.astype(np.float32)
         references = self.references.astype(np.float32)
         members = [np.flatnonzero(self.labels == label) for label in np.unique(self.labels)]
         return np.concatenate([_distances(part, references, members) for part in _blocks(standard)])
@@ -128,6 +125,16 @@ class Neighbours(NamedTuple):
     def extended(self, features: ArrayLike) -> Features:
         """Features (n, d) with their distances beside them: (n, d + K)."""
         return np.concatenate([matrix(features), self.distances(features)], axis=1)
+
+
+def _half(standard: Features) -> NDArray[np.float16]:
+    """Standardised features in half precision.
+
+    A feature that hardly varies in the references can be any number of deviations from them: beyond
+    the range it counts as its limit, as infinite distances could not be compared.
+    """
+    most = np.finfo(np.float16).max
+    return np.clip(standard, -most, most).astype(np.float16)
 
 
 def _blocks(standard: Features) -> list[Features]:

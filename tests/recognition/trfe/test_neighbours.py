@@ -58,3 +58,14 @@ def test_other_dimensions_and_numbers_that_are_none_are_refused() -> None:
         near.distances(features[:, 1:])
     with pytest.raises(UsageError, match="not finite"):
         near.distances(np.full((1, 16), np.nan))
+
+
+def test_distances_stay_finite_far_beyond_a_feature_that_hardly_varies() -> None:
+    features, labels = clouds([3, 7], 80, seed=0)
+    features[:, 0] = 1.0 + 1e-6 * features[:, 0]
+    far = features.copy()
+    far[:, 0] = np.where(labels == 3, 2e30, -2e30)
+    near = Neighbours.fit(features, labels)
+    distances = near.distances(far)
+    assert np.isfinite(distances).all()
+    assert distances.min() > near.distances(features).max()
