@@ -176,8 +176,12 @@ class GaussianProcess:
 
     def learn(self, x: FloatArray, outcomes: Outcomes) -> None:
         """Take outcomes of runs at rows (n, k)."""
+        self.learn_scores(x, scores(outcomes))
+
+    def learn_scores(self, x: FloatArray, values: FloatArray) -> None:
+        """Take scores (n,) of runs at rows (n, k), of another kind than those of outcomes."""
         self._x.append(x)
-        self._scores.append(scores(outcomes))
+        self._scores.append(values)
         self._known = None
 
     def failing(self, rows: FloatArray) -> FloatArray:
