@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_info
 
 from recognition.trfe.forest.trees import Trees
 from recognition.trfe.inputs.samples import (
@@ -50,7 +52,15 @@ def forest(
             np.concatenate([table, background]),
             np.append(known, np.full(len(background), UNKNOWN)),
         )
-    return Trees.of(RandomForestClassifier(trees, random_state=seed, n_jobs=-1).fit(table, known))
+    # Threads of scikit-learn (1.9) restore warning filters in any order and may leave none.
+    with warnings.catch_warnings():
+        grown = RandomForestClassifier(trees, random_state=seed, n_jobs=_threads())
+        return Trees.of(grown.fit(table, known))
+
+
+def _threads() -> int:
+    """As many threads as numerical libraries may use, such as one in a process of many."""
+    return max((library["num_threads"] for library in threadpool_info()), default=1)
 
 
 def background_of(features: Features, seed: int) -> Features:

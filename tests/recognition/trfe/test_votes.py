@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 import numpy as np
 import pytest
 from sklearn.ensemble import RandomForestClassifier
+from threadpoolctl import threadpool_limits
 
 from recognition.trfe.forest import background_of, forest
 from recognition.trfe.forest.trees import Trees
@@ -95,3 +99,24 @@ def test_features_of_another_width_are_refused() -> None:
     features, labels = clouds([1, 2], 10, seed=0)
     with pytest.raises(UsageError, match="15 dimensions, the model was fitted on 16"):
         forest(features, labels, 2).votes(features[:, 1:])
+
+
+def test_a_forest_grows_by_as_many_threads_as_are_allowed_and_keeps_warning_filters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    threads = []
+
+    class Watched(RandomForestClassifier):
+        def fit(self, *arguments: Any, **options: Any) -> RandomForestClassifier:
+            threads.append(self.n_jobs)
+            warnings.filters[:] = []  # as threads that end in another order leave them
+            return super().fit(*arguments, **options)
+
+    monkeypatch.setattr("sklearn.ensemble.RandomForestClassifier", Watched)
+    features, labels = clouds([1, 2], 50, seed=0, apart=1.0)
+    for limit in (1, 2):
+        with threadpool_limits(limit), warnings.catch_warnings(record=True):
+            before = list(warnings.filters)
+            forest(features, labels, 10, 0)
+            assert list(warnings.filters) == before
+    assert threads[0] == 1
