@@ -66,9 +66,10 @@ def text(results: Path) -> str:
     ]
     parts.append("## Recognition\n")
     for name, title, table, figures in _RECOGNITION:
-        found, mark = _folder(results, [(stage, name) for stage in ("published", "shipped")])
-        beside = _beside(found, name, published, table, figures)
-        parts.append(_section((f"{table}: {title}" if table else title) + mark, beside))
+        heading = f"{table}: {title}" if table else title
+        for found, mark, settings in _settings(results, name):
+            beside = _beside(found, settings, name, published, table, figures)
+            parts.append(_section(heading + mark, beside))
     parts.append(_pictures(results, "4"))
     for name, symbol in (
         ("sensitivity-delta", "δ"),
@@ -190,6 +191,21 @@ def _folder(results: Path, tables: Iterable[tuple[str, str]]) -> tuple[Path, str
     return results / _ORDER[-1], ""
 
 
+def _settings(results: Path, name: str) -> list[tuple[Path, str, tuple[str, ...]]]:
+    """Folders that have a table of the protocol with the settings to show of each: the first scale
+    of each setting, as scales can't stand in one row."""
+    left, found = list(_SETTINGS), []
+    for scale in _ORDER:
+        made = [one for one in left if (results / scale / one / f"{name}.csv").exists()]
+        left = [one for one in left if one not in made]
+        if made:
+            mark = _SMALLEST_MARK if scale == "smallest" else ""
+            found.append((results / scale, mark, tuple(made)))
+    return found or [(results / _ORDER[-1], "", _SETTINGS)]
+
+
+_SETTINGS = ("published", "shipped")
+"""Stages of the protocol: as published, and as shipped"""
 _RECOGNITION = (
     (
         "open-set",
@@ -217,25 +233,26 @@ def _components() -> str:
 
 
 def _beside(
-    folder: Path, name: str, published: Iterable[Sequence[str]], table: str, figures: Sequence[str]
+    folder: Path,
+    settings: Sequence[str],
+    name: str,
+    published: Iterable[Sequence[str]],
+    table: str,
+    figures: Sequence[str],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Rows as published, with the published settings here, and as shipped here."""
-    paths = [folder / stage / f"{name}.csv" for stage in ("published", "shipped")]
+    """Published rows, and ours with each of these settings."""
+    paths = [folder / stage / f"{name}.csv" for stage in settings]
     if any(path.exists() and _SEEDS in read_table(path)[0] for path in paths):
         figures = (*figures, _SEEDS)
     ours = [_columns(path, figures) for path in paths]
     if not any(ours):
         return None
     theirs = {row: value for of, row, _, value in published if of == table}
-    titles = dict.fromkeys((*theirs, *ours[0], *ours[1]))
+    titles = dict.fromkeys((*theirs, *(title for rows in ours for title in rows)))
     header = [
         "",
         *(("published",) if theirs else ()),
-        *(
-            f"{figure}, {settings}"
-            for settings in ("as published", "as shipped")
-            for figure in figures
-        ),
+        *(f"{figure}, as {stage}" for stage in settings for figure in figures),
     ]
     none = [_NONE] * len(figures)
     rows = [

@@ -43,13 +43,6 @@ _MORE = (
     *("joint", "retrained", "joint-retrained", "as-published-joint"),
 )
 """Rows of plain methods, of an autoencoder, which read grids, and of an encoder that learns on"""
-_SEARCHED = (
-    *("gacs", "conscend", "ccsf", "rltester", "rlbe", "mcsg", "mcsg-published", "kde", "random"),
-    *("cma-es", "cover", "draws", "level-sets", "subset"),
-    *("exclusive", "no-coordination", "no-elite", "no-kde", "no-learning", "no-maneuver", "no-rl"),
-)
-"""Methods of table 5 and ablations of figure 7 without IBO, whose Gaussian process is fitted anew
-after each run: 1.5 s of processor time after 600 runs, and more after more"""
 
 
 class FailedStage(ToolchainError):
@@ -66,7 +59,6 @@ class Scale(NamedTuple):
         budget, searches: runs of each search, and seeds of it.
         grids: preset of the encoder that reads grids, as published.
         rows: methods, variants and curves that are compared.
-        searched: methods of table 5; all of them if empty.
         densities: whether densities are compared, which takes minutes whatever the settings.
     """
 
@@ -77,7 +69,6 @@ class Scale(NamedTuple):
     searches: int
     grids: str
     rows: tuple[str, ...]
-    searched: tuple[str, ...] = ()
     densities: bool = False
 
 
@@ -93,7 +84,7 @@ SCALES = {
             "full-rows",
             (*_FEW, *_CAPACITIES, *_CURVES, *_MORE),
         ),
-        *(_SEARCHED, True),
+        densities=True,
     ),
 }
 """Settings by name: `smallest` shows that all of it runs, `full` is what is reported"""
@@ -163,7 +154,7 @@ def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
     elsewhere (figure 8).
     """
     seven = scenario == "cut_in_highway"
-    few = scale.searched if seven else ("mcsg", "mcsg-published", "draws")
+    few = () if seven else ("mcsg", "mcsg-published", "draws")
     return (
         "studies.generation",
         "methods",

@@ -115,8 +115,21 @@ def test_full_rows_are_shown_before_the_smallest_and_say_their_seeds(tmp_path: P
             )
     text = page.text(tmp_path)
     assert "### Table 3: recognition of known and unknown classes\n" in text
-    assert "| TRFE | 0.906 | – | – | – | – | 2 |  |  | 2 |" in text
+    assert "| TRFE | 0.906 | 2 |  |  | 2 |" in text
     assert "### five rounds on the model's own discoveries, smallest settings\n" in text
+
+
+def test_settings_of_another_scale_have_a_table_of_their_own(tmp_path: Path) -> None:
+    for scale, stage in (("full", "shipped"), ("smallest", "shipped"), ("smallest", "published")):
+        table(
+            tmp_path / scale / stage / "open-world.csv",
+            f",ACC_cluster,macro-F1 after\n**TRFE**,{scale} {stage},0.5\n",
+        )
+    text = page.text(tmp_path)
+    shipped, published = text.split("### Figure 3: parts left out, smallest settings\n")
+    assert "full shipped" in shipped and "full shipped" not in published
+    assert "smallest published" in published
+    assert "smallest shipped" not in text
 
 
 def test_a_damaged_journal_is_named(tmp_path: Path) -> None:
