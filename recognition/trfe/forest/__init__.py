@@ -59,7 +59,7 @@ def forest(
 
 
 def _threads() -> int:
-    """As many threads as numerical libraries may use, such as one in a process of many."""
+    """Threads that numerical libraries may use, such as one in a process of many."""
     return max((library["num_threads"] for library in threadpool_info()), default=1)
 
 
