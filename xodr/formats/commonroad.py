@@ -125,11 +125,17 @@ def lanelets(root: etree._Element) -> list[CommonRoadLanelet]:
     """The lanelets of a scenario (the root of a CommonRoad file).
 
     Raises:
-        InvalidFile: a bound has fewer than two points, or the bounds have unequally many; names
-            line and element.
+        InvalidFile: a bound has fewer than two points, the bounds have unequally many, or an id is
+            used twice; names line and element.
     """
     limits = _limits(root)
-    return [_lanelet(element, limits) for element in root.iterchildren("lanelet")]
+    found: dict[str, CommonRoadLanelet] = {}
+    for element in root.iterchildren("lanelet"):
+        made = _lanelet(element, limits)
+        if made.id in found:
+            raise invalid(element, f"the id {made.id!r} is used twice")
+        found[made.id] = made
+    return list(found.values())
 
 
 def _limits(root: etree._Element) -> dict[str, float]:

@@ -136,6 +136,8 @@ def _take(
             (neighbour[0], neighbour[1]) if neighbour is not None else None
             for neighbour in (about["left"], about["right"])
         )
+        if about["id"] in made.lanes:
+            raise ValueError(f"the id {about['id']!r} is used twice")
         empty = np.zeros((0, 3))
         made.lanes[about["id"]] = MapLane(
             about["id"], empty, empty, about["type"], about["road_type"], about["speed_limit"],

@@ -30,10 +30,11 @@ from xodr.formats.maps.lane_map import (
 )
 from xodr.formats.sumo_net import DOCK, LaneTrack, georeference, lift
 from xodr.formats.sumo_net.building import convert
+from xodr.formats.sumo_net.plain import NARROW
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import Points, section_stations
 from xodr.lookup.lanelets import sides
-from xodr.model import Lane
+from xodr.model import Lane, LaneSection
 
 _WIDTH, _SPEED = 3.2, 13.89
 """Width (m) and speed limit (m/s) of lanes that name none."""
@@ -64,6 +65,7 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     height = network.header.offset[2]
     if height and network.geo_reference is not None and not notes:
         notes.append(f"the height of the offset, {height:g} m, is left out: SUMO has none")
+    notes += _unplaced(network, passed)
     longest = {lane: max(tracks, key=lambda track: track.length) for lane, tracks in passed.items()}
     lift(root, longest, network)
     _name_types(root, longest, network)
@@ -78,6 +80,31 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
                     or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
         root.remove(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
+
+
+def _unplaced(roads: RoadNetwork, passed: Mapping[str, list[LaneTrack]]) -> list[str]:
+    """A sentence on the lanes that no lane of SUMO is; empty where there are none."""
+    placed = {
+        (track.road_id, track.lane_id, _section_of(roads, track).s)
+        for own in passed.values()
+        for track in own
+    }
+    missing = [
+        f"{road.id}/{number}/{lane.id}"
+        for road in roads.roads.values()
+        for number, section in enumerate(road.sections)
+        for lane in section.lanes.values()
+        if lane.id and lane.type != "none" and (road.id, lane.id, section.s) not in placed
+        and max(map(lane.width, np.linspace(section.s, section.end, 5).tolist())) > NARROW
+    ]  # fmt: skip
+    return [
+        "left out, since SUMO's ways through junctions lead from lane to lane:"
+        f" {' '.join(missing[:_NAMED])}{' …' * (len(missing) > _NAMED)}"
+    ] if missing else []  # fmt: skip
+
+
+_NAMED = 10
+"""Most lanes that a note names"""
 
 
 def _add_borders(
@@ -122,8 +149,11 @@ lane."""
 
 
 def _lane_of(roads: RoadNetwork, track: LaneTrack) -> Lane:
-    section = roads.roads[track.road_id].section(0.5 * (track.start + track.end))
-    return section.lanes[track.lane_id]
+    return _section_of(roads, track).lanes[track.lane_id]
+
+
+def _section_of(roads: RoadNetwork, track: LaneTrack) -> LaneSection:
+    return roads.roads[track.road_id].section(0.5 * (track.start + track.end))
 
 
 def _of_one_width(roads: RoadNetwork, track: LaneTrack, width: float) -> bool:
@@ -176,7 +206,8 @@ def read(path: Path) -> LaneMap:
     """The lanes of a network file.
 
     Raises:
-        InvalidFile: it is no SUMO network, or a lane has no shape; names file and line.
+        InvalidFile: it is no SUMO network, a lane has no shape, or an id is used twice; names file
+            and line.
     """
     root = parse(path).getroot()
     if root.tag != "net":
@@ -213,6 +244,13 @@ def read(path: Path) -> LaneMap:
                 for name in ((outer, inner) if left_hand else (inner, outer))
             ]
             lane.beside = (sides[0], sides[1])
+            if lane.id in lanes:
+                raise InvalidFile(
+                    f"the id {lane.id!r} is used twice",
+                    path=path,
+                    line=line_of(row[number]),
+                    element="lane",
+                )
             lanes[lane.id] = lane
     lights = _connect(root, lanes)
     location = root.find("location")

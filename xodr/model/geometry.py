@@ -230,20 +230,27 @@ class ParamPoly3:
         return math.hypot(b + p * (2.0 * c + 3.0 * p * d), f + p * (2.0 * g + 3.0 * p * i))
 
     def _arc_length(self, start: float, end: float) -> float:
-        return (end - start) * sum(
-            weight * self._speed(start + node * (end - start)) for node, weight in _QUADRATURE
-        )
+        # Called hundreds of times for each element: written out, without calls of its own.
+        _, b, c, d = self._xs
+        _, f, g, i = self._ys
+        c, g = 2.0 * c, 2.0 * g
+        span, total = end - start, 0.0
+        for node, weight in _QUADRATURE:
+            p = start + node * span
+            total += weight * math.hypot(b + p * (c + 3.0 * p * d), f + p * (g + 3.0 * p * i))
+        return span * total
 
     def _tabulate(self, p_end: float) -> None:
         """Cut [0, p_end] until the quadrature is exact and p is a cubic of the arc length between
         the knots."""
         self._ss, self._ps, self._slopes = [0.0], [0.0], [_inverse(self._speed(0.0))]
-        todo = [p_end]
+        # Ends of the pieces that are left, with their lengths by one quadrature each.
+        todo = [(p_end, self._arc_length(0.0, p_end))]
         while todo:
-            start, end = self._ps[-1], todo[-1]
-            whole, middle = self._arc_length(start, end), 0.5 * (start + end)
-            first = self._arc_length(start, middle)
-            halves = first + self._arc_length(middle, end)
+            start, (end, whole) = self._ps[-1], todo[-1]
+            middle = 0.5 * (start + end)
+            first, second = self._arc_length(start, middle), self._arc_length(middle, end)
+            halves = first + second
             slope = _inverse(self._speed(end))
             guess = _hermite(
                 start,
@@ -259,9 +266,20 @@ class ParamPoly3:
                 self._slopes.append(slope)
                 todo.pop()
             else:
-                todo.append(middle)
+                todo[-1] = end, second
+                todo.append((middle, first))
             if len(self._ss) > MAX_PIECES:
                 raise ValueError("the polynomials are too long or too wild to be followed")
+
+    def shorten(self, length: float) -> None:
+        """End the curve at the true arc length (m), which becomes the declared one."""
+        p = self.parameter(length)
+        kept = max(bisect_right(self._ps, p) - 1, 0)  # the piece that p lies in begins there
+        start, middle = self._ps[kept], 0.5 * (self._ps[kept] + p)
+        rest = self._arc_length(start, middle) + self._arc_length(middle, p)
+        self._ss[kept + 1 :], self._ps[kept + 1 :] = [self._ss[kept] + rest], [p]
+        self._slopes[kept + 1 :] = [_inverse(self._speed(p))]
+        self._scale = self._ss[-1] / self.length
 
     def parameter(self, s: float) -> float:
         """Curve parameter p at the curve's true arc length s, by Hermite interpolation in the
@@ -283,8 +301,9 @@ def poly3(start: Start, v: Sequence[float]) -> ParamPoly3:
     """The element poly3, a cubic v(u) in its own frame: the parametric cubic with u(p) = p that has
     the declared length."""
     u = (0.0, 1.0, 0.0, 0.0)
-    at_least = ParamPoly3(start, u, v, start.length)
-    return ParamPoly3(start, u, v, at_least.parameter(start.length))
+    curve = ParamPoly3(start, u, v, start.length)
+    curve.shorten(start.length)
+    return curve
 
 
 class ReferenceLine:

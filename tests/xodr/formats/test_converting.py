@@ -451,6 +451,15 @@ def test_a_network_keeps_widths_and_slopes_that_change_and_lanes_without_traffic
         assert difference.heights.largest < 0.05 and difference.types == []
 
 
+def test_a_lane_that_opens_inside_a_junction_is_left_out_of_a_network_by_name(
+    tmp_path: Path,
+) -> None:
+    """SUMO's ways through junctions lead from lane to lane: this one has no lane before it."""
+    made = maps.convert(LIBRARY / "highway_off_ramp.xodr", tmp_path / "map.net.xml")
+    assert any("left out, since SUMO's ways" in note and "101/0/-3" in note for note in made.notes)
+    assert set(made.difference.lost) == {"101/0/-3"}
+
+
 def test_borders_of_a_lane_that_was_moved_in_a_network_are_left_out(tmp_path: Path) -> None:
     there = sumo_case(tmp_path)
     tree = etree.parse(there.path)
@@ -576,6 +585,9 @@ def test_a_wrong_map_is_converted_with_remarks(tmp_path: Path) -> None:
 def test_a_format_that_is_not_known_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"names end in \.xodr"):
         maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / "map.shp")
+    for name, meant in (("lanelet2", ".osm"), ("sumo", ".net.xml"), ("xord", ".xodr")):
+        with pytest.raises(UsageError, match=f"did you mean '{re.escape(meant)}'"):
+            maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / f"map.{name}")
     with pytest.raises(UsageError, match="both opendrive"):
         maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / "map.xodr")
 
@@ -621,6 +633,13 @@ def commonroad(height: str) -> str:
             "is no point",
         ),
         ("a.net.xml", "<nets/>", "is net"),
+        (
+            "a.net.xml",
+            net("").replace(
+                "</edge>", "</edge><edge id='f'><lane id='e_0' shape='0,0 1,1'/></edge>", 1
+            ),
+            "'e_0' is used twice",
+        ),
         ("a.xml", "<commonRoad/>", "no lanelet"),
         ("a.xml", "<other/>", "of no map format"),
         ("a.geojson", "{}", "no GeoJSON"),
@@ -642,6 +661,11 @@ def commonroad(height: str) -> str:
         ),
         ("a.xml", commonroad("<z>high</z>"), "a.xml:1: z: 'high' is no measured value"),
         ("a.xml", commonroad("").replace("<x>9", "<x>q"), "x: 'q' is no measured value"),
+        (
+            "a.xml",
+            re.sub("(<lanelet .*</lanelet>)", r"\1\1", commonroad(""), flags=re.DOTALL),
+            "is used twice",
+        ),
     ],
 )
 def test_bad_input_is_one_line_with_the_file(
@@ -716,6 +740,10 @@ def test_each_connection_is_driven_and_a_broken_one_is_named(tmp_path: Path) -> 
     net = maps.convert(LIBRARY / "intersection_four_way.xodr", tmp_path / "map.net.xml").path
     drives = maps.drive_connections(net)
     assert len(drives) == 12 and not [each for each in drives if each.problem]
+    text = net.read_text(encoding="utf-8").replace('cont="0"', 'cont="nan"')
+    net.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidFile, match="SUMO does not load this network"):
+        maps.drive_connections(net)
 
 
 def test_the_page_and_the_picture_have_all_lanes(tmp_path: Path) -> None:

@@ -170,3 +170,12 @@ def test_a_reference_line_goes_on_straight_beyond_its_ends() -> None:
     x, y, h = line.at(150.0)
     assert line.at(160.0) == pytest.approx((x + 10.0 * math.cos(h), y + 10.0 * math.sin(h), h))
     assert (line.curvature(50.0), line.curvature(120.0), line.curvature(151.0)) == (0.0, 0.02, 0.0)
+
+
+def test_a_poly3_ends_at_its_declared_length_as_if_tabulated_to_there() -> None:
+    for v in ((0.0, 0.2, 0.03, -0.001), (0.0, 0.0, -0.05, 0.002)):
+        start = Start(1.0, 2.0, 0.3, 60.0)
+        whole = ParamPoly3(start, (0.0, 1.0, 0.0, 0.0), v, start.length)
+        exact = ParamPoly3(start, (0.0, 1.0, 0.0, 0.0), v, whole.parameter(start.length))
+        for ds in (0.0, 13.0, 47.5, 60.0):
+            assert poly3(start, v).at(ds) == pytest.approx(exact.at(ds), abs=1e-6)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schemas.common.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError, guess
 from schemas.common.fates import Fates, changed, kept, lost
 from schemas.common.policy import scratch
 from schemas.common.storage import keep, writing
@@ -197,9 +197,23 @@ def format_of(path: Path) -> str:
             f"the root element {root_tag!r} is of no map format that is known", path=path
         )
     raise UsageError(
-        f"the format of {path.name!r} is not known; names end in .xodr, .osm, "
-        ".net.xml, .xml or .geojson"
+        f"the format of {path.name!r} is not known; {_ending_meant(name)}names end in .xodr, .osm,"
+        " .net.xml, .xml or .geojson"
     )
+
+
+_ENDINGS = {
+    "opendrive": ".xodr", "odr": ".xodr", "xodrz": ".xodr", "lanelet2": ".osm", "autoware": ".osm",
+    "openstreetmap": ".osm", "sumo": ".net.xml", "net": ".net.xml", "commonroad": ".xml",
+    "geojson": ".geojson", "gis": ".geojson", "qgis": ".geojson",
+}  # fmt: skip
+"""Endings of names by words for their formats"""
+
+
+def _ending_meant(name: str) -> str:
+    """The question for the ending that a name without a known one may mean."""
+    word = name.rpartition(".")[2]
+    return guess(_ENDINGS.get(word, f".{word}"), _ENDINGS.values())
 
 
 def read_map(

@@ -44,8 +44,8 @@ def drive_connections(net: Path) -> list[ConnectionDrive]:
     """Drive over each connection of a network for vehicles.
 
     Raises:
-        InvalidFile: it is no network.
-        ToolchainError: SUMO does not start.
+        InvalidFile: it is no network, or SUMO does not load it.
+        ToolchainError: SUMO does not finish.
     """
     root = parse(net).getroot()
     if root.tag != "net":
@@ -133,7 +133,7 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
                 (line for line in text.splitlines() if line.startswith("Error")),
                 f"exit code {done.returncode}",
             )
-            raise ToolchainError(
+            raise InvalidFile(
                 f"SUMO does not load this network: {reason.removeprefix('Error: ')}", path=net
             )
         trips = folder / "trips.xml"
