@@ -343,6 +343,33 @@ _ELSEWHERE = {"junctions", "junction priorities", "rule of traffic", "objects", 
 
 
 @pytest.mark.parametrize("target", FATES)
+def test_objects_are_left_out_as_the_matrix_says(target: str, tmp_path: Path) -> None:
+    """Poles and stop lines among them; a stop line that is a signal is kept as a sign."""
+    items = "".join(
+        f'<object id="{name}" name="{name}" type="{kind}" s="20" t="-2" zOffset="0" hdg="0"'
+        ' length="0.4" width="3" height="1"/>'
+        for name, kind in (("lamp-7", "pole"), ("halt-7", "roadMark"))
+    )
+    line = (
+        '<signal id="stop-7" name="stop-7" s="20" t="-2" zOffset="0" height="0.1" dynamic="no"'
+        ' orientation="+" type="294" subtype="-1" country="DE" value="-1"/>'
+    )
+    text = (LIBRARY / "highway_straight.xodr").read_text(encoding="utf-8")
+    assert "<signals" not in text and "<objects" not in text
+    added = f"</lanes><objects>{items}</objects><signals>{line}</signals>"
+    (tmp_path / "poles.xodr").write_text(text.replace("</lanes>", added, 1), encoding="utf-8")
+    between = tmp_path / "poles.xodr"
+    if target == "opendrive":
+        between = maps.convert(between, tmp_path / "map.osm").path
+    made = maps.convert(between, tmp_path / ENDINGS[target])
+    assert FATES[target]["objects"].outcome == fates.LOST
+    written = made.path.read_text(encoding="utf-8")
+    assert "lamp-7" not in written and "halt-7" not in written
+    signs = [sign.type for sign in made.result.signals if sign.kind == "sign"]
+    assert (signs == ["294"]) == (FATES[target]["signs"].outcome == fates.KEPT)
+
+
+@pytest.mark.parametrize("target", FATES)
 def test_junctions_and_their_priorities_and_the_rule_are_as_the_matrix_says(
     target: str, tmp_path: Path
 ) -> None:

@@ -51,7 +51,7 @@ MAP_FIELDS = {
     "crosswalks": "",
     "traffic lights": "",
     "signs": "",
-    "objects": "",
+    "objects": "poles and stop lines among them",
     "projection": "",
     "offset": "with height and heading",
     "rule of traffic": "right, left",
