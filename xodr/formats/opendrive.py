@@ -109,6 +109,7 @@ def _raised(built: Built, lanes: Mapping[str, MapLane]) -> Iterator[RoadDesign]:
         stations = np.linspace(0.0, road.length, places(road.length, _STEP))
         known = borders.surface(stations)
         for _ in range(_HALVINGS):
+            # Stations are halved only where the heights need it, to keep the profile short.
             between = (stations[1:] + stations[:-1]) / 2
             wanted = borders.surface(between)
             away = np.abs(PchipInterpolator(stations, known, axis=1)(between) - wanted)
@@ -132,6 +133,7 @@ def _leaned(road: RoadDesign) -> RoadDesign:
     """A road with widths as seen from above, with those of its inclined surface instead."""
     stations = np.linspace(0.0, road.length, places(road.length, _LEANED_STEP))
     inner = _values(road.offset, stations)
+    # The lanelets' widths are as seen from above; OpenDRIVE's lie on the inclined surface.
     share = np.cos(_values(road.superelevation, stations))
     lanes = {
         number: replace(lane, width=_profile(stations, _values(lane.width, stations) / share))
@@ -152,6 +154,7 @@ class _LaneBorders:
     def __init__(self, road: RoadDesign, members: Mapping[int, Sequence[MapLane]]) -> None:
         self._road, self._members = road, members
         self._lanes = road.sections[0].lanes
+        # Kerbed lanes are raised over the surface, so they don't tell where it is.
         flat = [number for number in members if self._lanes[number].type not in _KERBED]
         self._first, self._last = max(flat or members), min(flat or members)
 
@@ -171,6 +174,7 @@ class _LaneBorders:
         (left, high), (right, low) = (
             self.at(self._first, 0, stations), self.at(self._last, 1, stations)
         )  # fmt: skip
+        # Kept from 0: the road may narrow to nothing.
         slope = (high - low) / np.maximum(left - right, _NARROWEST)
         return np.array([high - slope * left, np.arctan(slope)])
 
@@ -182,6 +186,8 @@ class _LaneBorders:
             over = []
             for side in (0, 1):
                 t, height = self.at(number, side, stations)
+                # One height all along a border: the median, which an outlier at an end does not
+                # move.
                 over.append(float(np.median(height - level - t * np.tan(roll))))
             raised = max(map(abs, over)) > _CLOSE
             yield number, replace(lane, height=(over[0], over[1])) if raised else lane
@@ -190,7 +196,7 @@ class _LaneBorders:
 def _with_signs(
     roads: Sequence[RoadDesign], where: Mapping[str, tuple[str, int]], signs: Sequence[MapSignal]
 ) -> tuple[tuple[RoadDesign, ...], list[str]]:
-    """The roads with signs beside them, and the names of those that had to be moved.
+    """Put signs beside roads; also return the names of moved ones.
 
     A sign stands on the road nearest to it of those whose lanes it holds; the others refer to it.
     """
@@ -198,6 +204,7 @@ def _with_signs(
     own: dict[str, list[Signal]] = defaultdict(list)
     referring: dict[str, list[SignalReference]] = defaultdict(list)
     moved = []
+    # Ids go on after those of the lights.
     first = 1 + sum(len(road.signals) for road in roads)
     for number, sign in enumerate(signs, first):
         held = _held_lanes(sign, where, by_id)
@@ -205,12 +212,14 @@ def _with_signs(
         nearest = min(among, key=lambda road_id: by_id[road_id].distance(sign.place))
         for road_id in [nearest, *(road_id for road_id in held if road_id != nearest)]:
             s, t, height, heading, beyond = by_id[road_id].place(sign.place)
+            # Lane 0 where the sign holds no lane of this road.
             ranges = tuple((lane, lane) for lane in sorted(held.get(road_id, {0})))
             if road_id != nearest:
                 referring[road_id].append(SignalReference(str(number), s, t, "+", ranges))
                 continue
             if beyond > _MOVED:
                 moved.append(sign.id)
+            # Signs look against the traffic that they are for.
             turn = math.remainder(sign.heading - heading - math.pi, math.tau)
             own[road_id].append(
                 Signal(
@@ -258,10 +267,13 @@ class _Stations:
         return float(np.hypot(*(self._points - place[:2]).T).min())
 
     def place(self, place: tuple[float, float, float]) -> tuple[float, float, float, float, float]:
-        """s, t, height (m) and heading (rad) of the road beside a place, and how far (m) the place
-        lies beyond its ends."""
+        """s, t, height (m) and heading (rad) of the road beside a place.
+
+        Last: distance (m) of the place beyond the road's ends.
+        """
         number = int(np.argmin(np.hypot(*(self._points - place[:2]).T)))
         s, pose = float(self._s[number]), self._poses[number]
+        # Along the tangent to the foot, again and again: Newton's method, from the nearest station.
         for _ in range(_TANGENTS):
             s = min(max(s + pose.local(place)[0], 0.0), self._road.length)
             (pose,) = self._road.poses_at([s])
@@ -283,12 +295,13 @@ def _profile(stations: FloatArray, values: FloatArray) -> tuple[Cubic, ...]:
     same."""
     if np.ptp(values) < 1e-6:
         return (Cubic(0.0, float(values[0]), 0.0, 0.0, 0.0),)
+    # Other splines overshoot beside a step, which makes bumps.
     d, c, b, a = PchipInterpolator(stations, values).c
     return tuple(Cubic(*map(float, row)) for row in zip(stations[:-1], a, b, c, d, strict=True))
 
 
 def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:
-    """Lanes with length and width, and what is left out."""
+    """Lanes with length and width, and notes on the others."""
     short = {name for name, lane in lane_map.lanes.items() if lane.length < _SHORTEST}
     narrow = {name for name, lane in lane_map.lanes.items() if _width(lane) < _NARROWEST} - short
     closed = {name for name, lane in lane_map.lanes.items() if lane.type == "none"} - short - narrow
@@ -299,6 +312,8 @@ def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:
     for name, lane in lane_map.lanes.items():
         if name not in short | gone:
             following = list(dict.fromkeys(_following(lane_map.lanes, lane, short, gone, 4)))
+            # A lane that follows itself was closed by the map; others must not become rings by what
+            # is left out.
             ring = name in lane.successors
             kept[name] = replace(
                 lane, successors=[other for other in following if other != name or ring]
@@ -324,6 +339,7 @@ def _width(lane: MapLane) -> float:
 
 def _lanelet(lane: MapLane, lanes: dict[str, MapLane], lights: tuple[str, ...]) -> Lanelet:
     right = _neighbour(lane, lanes)
+    # One bound for both, or rounding would open a gap between neighbours.
     bound = lanes[right].left if right is not None else lane.right
     return Lanelet(
         lane.id, joined([lane.left[:, :2]]), joined([bound[:, :2]]), (), tuple(lane.successors),
@@ -341,9 +357,11 @@ def _neighbour(lane: MapLane, lanes: dict[str, MapLane]) -> str | None:
     if beside is None or not beside[1] or beside[0] not in lanes:
         return None
     other = lanes[beside[0]]
+    # Both have to name each other, as maps may contradict themselves.
     if other.beside[0] is None or other.beside[0][0] != lane.id:
         return None
     ends = [np.hypot(*(lane.right[at, :2] - other.left[at, :2])) for at in (0, -1)]
+    # The distance of whole lines is costly: only for lines whose ends meet.
     apart = (
         LineString(lane.right[:, :2]).hausdorff_distance(LineString(other.left[:, :2]))
         if max(ends) < _BESIDE

@@ -1,5 +1,4 @@
-"""Borders of lanelets: which lanelets share them, where they are split, and what a map leaves
-implicit.
+"""Borders of lanelets: lanelets that share them, places of splits, and implicit parts of maps.
 
 As in Lanelet2, left and right decide the direction of travel, lanelets follow each other where
 their bounds share end points, and are neighbours where they share a bound. Maps by hand have lanes
@@ -69,9 +68,8 @@ def bounds_of(
     if np.hypot(*(along - beside).T).sum() > np.hypot(*(along - beside[::-1]).T).sum():
         nodes[1], lines[1] = nodes[1][::-1], lines[1][::-1]
     x, y = np.concatenate([lines[0], lines[1][::-1]]).T
-    if (
-        np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0.0
-    ):  # counterclockwise: seen that way, left would be on the right
+    # Along left and back along right is clockwise; counterclockwise, left would be on the right.
+    if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0.0:
         nodes, lines = [way[::-1] for way in nodes], [line[::-1] for line in lines]
     return LaneletBounds((left, right), (nodes[0], nodes[1]), lines[0], lines[1])
 
@@ -104,6 +102,7 @@ def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
         if following is None:
             return None
         others.remove(following)
+        # Lines go on at the end: what meets the beginning makes the whole turn round.
         if whole[-1] not in (following[0], following[-1]):
             whole = whole[::-1]
         whole += following[1:] if following[0] == whole[-1] else following[-2::-1]
@@ -120,6 +119,7 @@ def linked(
     """
     from scipy.spatial import KDTree
 
+    # Both corners at once, as one point in four dimensions: lanelets follow where both ends meet.
     starts = np.array([[*edges.left[0], *edges.right[0]] for edges in bounds])
     ends = np.array([[*edges.left[-1], *edges.right[-1]] for edges in bounds])
     following = KDTree(starts).query_ball_point(ends, TOUCHING)
@@ -165,6 +165,7 @@ def split_at_joints(
         for lane, edges in zip(lanes, bounds, strict=True)
         if lane.type not in WALKS
     }
+    # By the first node, so that a bound meets only lines that may be a part of it.
     starts: list[dict[str, list[tuple[str, Nodes]]]] = [defaultdict(list), defaultdict(list)]
     for name, lines in nodes.items():
         for side, line in enumerate(lines):
@@ -180,10 +181,12 @@ def split_at_joints(
             other, at, shared = found
             count = at + 1 if at else shared
             if count < len(line):
+                # Both parts may lie beside more lanelets.
                 queue.extend((name, _cut(table, nodes, name, side, count)))
                 notes.append(
                     f"lanelet {name} is split where {other} beside it {'begins' if at else 'ends'}"
                 )
+                # The lanelet's own bounds are others now.
                 break
             one, right = (other, name) if side == 0 else (name, other)
             table[one] = replace(table[one], beside_right=LaneletNeighbour(right, True))
@@ -193,8 +196,7 @@ def split_at_joints(
 def _beside(
     line: Nodes, starts: Mapping[str, Sequence[tuple[str, Nodes]]]
 ) -> tuple[str, int, int] | None:
-    """The first lanelet with a bound that is a part of a line: its id, from which node on, and how
-    many nodes."""
+    """First lanelet with a bound that is a part of a line: id, first node and number of nodes."""
     along = ((at, *other) for at, node in enumerate(line[:-1]) for other in starts.get(node, ()))
     return next(
         (
@@ -215,6 +217,8 @@ def _cut(
     seconds = split(
         table, row_of(table, table[name]), frame_at(points, float(lengths(points)[count - 1]))
     )
+    # Cut bounds end between the map's nodes and are compared no more, but for the one cut at a
+    # node.
     for part in (*seconds, *seconds.values()):
         nodes[part] = [(), ()]
     for part, own in ((name, slice(count)), (seconds[name], slice(count - 1, None))):
@@ -235,8 +239,11 @@ along than across it."""
 
 
 def completed(lanelets: Iterable[Lanelet]) -> tuple[list[Lanelet], list[str]]:
-    """Lanelets of a Lanelet2 map (with successors and right neighbours), and what was added, one
-    sentence each."""
+    """Complete lanelets of a Lanelet2 map (with successors and right neighbours).
+
+    Returns:
+        the lanelets, and a sentence on each change.
+    """
     table = {lanelet.id: lanelet for lanelet in lanelets}
     notes = [*_filled(table), *_led_into(table)]
     for name, lanelet in table.items():
@@ -246,8 +253,7 @@ def completed(lanelets: Iterable[Lanelet]) -> tuple[list[Lanelet], list[str]]:
     return list(table.values()), notes
 
 
-# lanes of which only the borders are there
-# ----------------------------------------------------------
+# lanes of which only the borders are there ------------------------------------------------------
 
 
 def _filled(table: dict[str, Lanelet]) -> list[str]:
@@ -266,6 +272,7 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
         if left is None or right is None or left is right or not _parallel(left.right, right.left):
             continue
         name = f"{left.id}|{right.id}"
+        # Bounds and marks are those of its neighbours, which the map has.
         table[name] = replace(
             left, id=name, left=left.right, right=right.left, successors=(lanelet.id,),
             beside_right=LaneletNeighbour(right.id, True), left_mark=left.right_mark,
@@ -298,13 +305,13 @@ def _parallel(left: Points, right: Points) -> bool:
     return bool(apart.min() >= _WIDTHS[0] and apart.max() <= _WIDTHS[1])
 
 
-# lanelets that end at the side of others
-# -------------------------------------------------------------
+# lanelets that end at the side of others --------------------------------------------------------
 
 
 def _led_into(table: dict[str, Lanelet]) -> list[str]:
     """Split lanelets where another one ends upon them, so that it can lead into the second part."""
     notes = []
+    # A list beforehand: splits put more lanelets into the table.
     for lanelet in [lanelet for lanelet in _lanes(table) if not lanelet.successors]:
         target = next(
             (
@@ -336,6 +343,7 @@ def _ends_upon(lanelet: Lanelet, other: Lanelet) -> bool:
     away from its ends.
     """
     pairs = ((lanelet.left[-1], other.left), (lanelet.right[-1], other.right))
+    # A lanelet that tapers off comes to a point, which lies on one bound only.
     if lanelet.type != other.type or np.hypot(*(lanelet.left[-1] - lanelet.right[-1])) < _BESIDE:
         return False
     return all(_is_upon(point, line) for point, line in pairs)
@@ -346,13 +354,13 @@ def _is_upon(point: Points, line: Points) -> bool:
 
     curve = LineString(line)
     s = curve.project(Point(*point))
+    # At the ends of the other one, lanelets follow each other without any split.
     return bool(
         _NEAR_END < s < curve.length - _NEAR_END and curve.distance(Point(*point)) <= _BESIDE
     )
 
 
-# ends that are not across
-# ------------------------------------------------------------------------------
+# ends that are not across -----------------------------------------------------------------------
 
 
 def _squared(lanelet: Lanelet) -> Lanelet:
@@ -363,6 +371,7 @@ def _squared(lanelet: Lanelet) -> Lanelet:
     """
     left, right = lanelet.left, lanelet.right
     for place in (0, -1):
+        # Across the lanelet, the line between the corners has hardly any part along it.
         ahead, aside = _obliqueness(left, right, place)
         if abs(ahead) > _OBLIQUE * abs(aside):
             shorter_left = (ahead > 0.0) == (place == -1)

@@ -193,11 +193,11 @@ class _CentreLineSamples:
         """Stretches of lanes beside each other."""
         right, left = self._nearest(-1.0), self._nearest(1.0)
         here = np.flatnonzero(right >= 0)
-        here = here[
-            self._lane[left[right[here]]] == self._lane[here]
-        ]  # each is the nearest one of the other
+        # each is the nearest one of the other
+        here = here[self._lane[left[right[here]]] == self._lane[here]]
         runs = []
         breaks = np.diff(here) != 1
+        # A run ends where either of both lanes changes, too.
         breaks |= (np.diff(self._lane[here]) != 0) | (np.diff(self._lane[right[here]]) != 0)
         for rows in np.split(here, np.flatnonzero(breaks) + 1):
             if len(rows) and self._s[rows[-1]] - self._s[rows[0]] >= _LEAST_BESIDE:
@@ -220,6 +220,7 @@ class _CentreLineSamples:
 
         pairs = cKDTree(self._place).query_pairs(_APART[1], output_type="ndarray")
         one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+        # Lanes of other types, such as sidewalks beside a road, do not share its rows.
         kinds = np.unique([lane.type for lane in self._lanes], return_inverse=True)[1][self._lane]
         kept = (self._lane[one] != self._lane[other]) & (kinds[one] == kinds[other])
         kept &= np.cos(self._heading[one] - self._heading[other]) > math.cos(_ALONG)
@@ -239,14 +240,18 @@ class _CentreLineSamples:
 
         def add(number: int, s: float) -> None:
             if all(
-                abs(s - other) >= _SHORTEST for other in (0.0, self._length[number], *cuts[number])
+                # Cuts pass from lane to lane with errors of the samples: close ones are the same.
+                abs(s - other) >= _SHORTEST
+                for other in (0.0, self._length[number], *cuts[number])
             ):
                 cuts[number].append(s)
 
+        # A cut may pass through a whole row of lanes: on to the next one with each round.
         for _ in range(_ROUNDS):
             before = sum(map(len, cuts.values()))
             for run in runs:
                 at = [run.a, run.b, *cuts[run.left]]
+                # The other lane's ends are cuts, too: neighbours begin and end together.
                 at += [
                     _between(s, run.c, run.d, run.a, run.b)
                     for s in (*cuts[run.right], 0.0, self._length[run.right])
@@ -300,12 +305,15 @@ class _CentreLineSamples:
         if beside is not None:
             count = max(len(line), len(lines[beside]))
             one, other = (_resampled(bound, count) for bound in (line, lines[beside]))
+            # One line for both, so that neighbours share their bound.
             return 0.5 * (one + other)
         heading = _headings(line)
         away = self._to_edges(line, heading, side)
         known = np.isfinite(away)
+        # An unknown place takes the median of its bound; bounds without any known one are told.
         self._widths_unknown += not known.any()
         away = np.where(known, away, np.median(away[known]) if known.any() else _USUAL)
+        # A moving average over five places: marks and edges come in pieces that jump.
         away = np.convolve(np.pad(away, 2, mode="edge"), np.full(5, 0.2), mode="valid")
         normal = np.column_stack([-np.sin(heading), np.cos(heading)])
         return line + side * np.clip(away, *_HALF)[:, None] * normal
@@ -318,6 +326,7 @@ class _CentreLineSamples:
         tree, places = self._edges
         for index, near in enumerate(tree.query_ball_point(line, _HALF[1] + _LEVEL)):
             ahead, aside = _local(line[index], heading[index], places[near])
+            # Edges ahead or behind belong to other places of the line.
             aside = side * aside[np.abs(ahead) <= _DENSE]
             found[index] = aside[(aside >= _HALF[0]) & (aside <= _HALF[1])].min(initial=np.inf)
         return np.where(np.isfinite(found), found, np.nan)
@@ -357,4 +366,5 @@ def _local(origin: Points, heading: FloatArray, there: Points) -> tuple[FloatArr
 
 def _between(s: float, a: float, b: float, c: float, d: float) -> float:
     """The place on one lane beside place `s` of another, where a to b runs beside c to d."""
+    # Kept from 0, for runs of one place.
     return c + (s - a) * (d - c) / max(b - a, 1e-6)

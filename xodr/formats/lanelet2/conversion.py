@@ -161,6 +161,7 @@ class _Builder:
     def _road(self, number: int) -> RoadDesign:
         bundle, form = self.plan.bundles[number], self.shapes[number]
         first = [self.graph.lanelets[name] for name in bundle.first]
+        # The road's limit is the highest of its lanes; others have their own.
         fastest = max(lanelet.speed_limit for lanelet in first)
         lanes = {-lane - 1: self._lane(number, lane, fastest) for lane in range(len(first))}
         return RoadDesign(
@@ -189,6 +190,7 @@ class _Builder:
         joint, link = self.plan.joint(number, at_end), self._link(number, at_end)
         if joint is None or link is None or link.element_type != "road":
             return None
+        # Pairs lead onwards; at the start of a road its own lane is the second.
         pairs = joint.lanes if at_end else [(after, before) for before, after in joint.lanes]
         return next((-other[1] - 1 for one, other in pairs if one == (number, lane)), None)
 
@@ -197,6 +199,7 @@ class _Builder:
         if joint is None:
             return None
         if junction == -1 or self.plan.bundles[number].inside:
+            # Plain joints and connecting roads have one road there.
             other = (joint.beginning if at_end else joint.ending)[0]
             return RoadLink("road", str(other + 1), "start" if at_end else "end")
         return RoadLink("junction", str(junction), None)
@@ -208,7 +211,7 @@ class _Builder:
 
 
 def _cubics(form: RoadShape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
-    """The pieces of a profile, without those that go on as the piece before them does."""
+    """Pieces of a profile; one that goes on as the piece before it does is left out."""
     kept: list[Cubic] = []
     for s, row in zip(form.s, coefficients, strict=True):
         piece = Cubic(float(s), *map(float, row))
@@ -232,8 +235,10 @@ def _continued(piece: Cubic, start: float) -> tuple[float, float, float, float]:
 def with_crosswalks(
     roads: Sequence[RoadDesign], crosswalks: Sequence[Crosswalk]
 ) -> tuple[RoadDesign, ...]:
-    """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place
-    matters, not its road."""
+    """Roads with crosswalks, each on the road with the nearest piece.
+
+    Only the place of a crosswalk matters, not its road.
+    """
     poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
     places = np.array([(pose.x, pose.y) for _, _, pose in poses])
     found: dict[int, list[RoadObject]] = defaultdict(list)
@@ -279,6 +284,7 @@ def deviation(
     deviations = {}
     for lanelet in lanelets:
         own = where[lanelet.id]
+        # Lanes may begin earlier or later than their lanelets, which then lie on those around.
         links = chain(network.links(*own, True), network.links(*own, False))
         around = [
             lines[lane]
@@ -328,6 +334,7 @@ def _off_centre(lanelet: Lanelet, lane: _Lines) -> float:
     """
     sideways = lane.left - lane.right
     onward = np.column_stack([sideways[:, 1], -sideways[:, 0]])
+    # Without width there is no direction across.
     wide = np.hypot(*sideways.T) > STEP
     left, right = (
         across(lane.centre[wide], onward[wide], bound) for bound in (lanelet.left, lanelet.right)

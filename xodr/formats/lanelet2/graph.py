@@ -1,5 +1,4 @@
-"""Graph of lanelets (successors, neighbours, crossings) and their bundles, each of which becomes
-one road.
+"""Graph of lanelets (successors, neighbours, crossings) and their bundles; each becomes one road.
 
 A `Joint` is a place where bundles end and begin. Where one bundle continues in one, roads are
 linked. Everywhere else there is a junction: a default one where bundles are connecting roads (see
@@ -110,6 +109,7 @@ class Graph:
         """Lanelets that lie beside each other, from left to right; every lanelet is in one row."""
         inner = set(self.right.values())
         rows = [tuple(self._rightwards(name)) for name in self.lanelets if name not in inner]
+        # Neighbours in a ring have no leftmost one: each of them is a row.
         left_over = set(self.lanelets) - {name for row in rows for name in row}
         return rows + [(name,) for name in self.lanelets if name in left_over]
 
@@ -121,8 +121,7 @@ class Graph:
 
     @cached_property
     def crossings(self) -> dict[str, set[str]]:
-        """Lanelets whose centre lines cross, other than those that share where they come from or
-        lead to."""
+        """Lanelets with centre lines that cross, unless both come from, or lead to, one lanelet."""
         from shapely import LineString, STRtree
 
         names = [name for name, lanelet in self.lanelets.items() if lanelet.type not in WALKS]
@@ -134,6 +133,7 @@ class Graph:
         if not lines:
             return crossing
         tree, count = STRtree(lines), 0
+        # In portions, so that a map that is refused has not taken all memory before.
         for start in range(0, len(lines), _ASKED):
             pairs = tree.query(lines[start : start + _ASKED], predicate="crosses").T
             count += len(pairs)
@@ -148,6 +148,7 @@ class Graph:
         return crossing
 
     def _related(self, one: str, other: str) -> bool:
+        # Lanelets that fork or merge touch at their ends, which is no crossing.
         ends = [(set(links[one]) & set(links[other])) for links in (self.before, self.after)]
         return any(ends) or other in self.after[one] or other in self.before[one]
 
@@ -260,6 +261,7 @@ def _joint(
     groups: dict[bool, set[int]] = {True: {number}, False: set()}
     links: set[tuple[_Lane, _Lane]] = set()
     todo = [(number, True)]
+    # To and fro over links until no bundle is new: merges may themselves split.
     while todo:
         index, at_end = todo.pop()
         for lane, name in enumerate(bundles[index].last if at_end else bundles[index].first):
@@ -272,8 +274,7 @@ def _joint(
     return Joint(tuple(sorted(groups[True])), tuple(sorted(groups[False])), tuple(sorted(links)))
 
 
-# one after the other
-# -------------------------------------------------------------------------------
+# one after the other ----------------------------------------------------------------------------
 
 
 def chained(graph: Graph, rows: Layout) -> list[Bundle]:
@@ -308,6 +309,7 @@ def _continues(graph: Graph, rows: Layout, joint: Joint) -> bool:
         ((joint.beginning[0], lane) for lane in range(len(other.lanes))),
     )
     if (
+        # Any difference would be lost in one road, which has one type and one list of lanes.
         one.inside != other.inside
         or len(one.lanes) != len(other.lanes)
         or joint.lanes != tuple(zip(*same, strict=True))
@@ -318,6 +320,7 @@ def _continues(graph: Graph, rows: Layout, joint: Joint) -> bool:
         (graph.lanelets[name] for name in other.first),
         strict=True,
     )
+    # A light stands at the end of a road.
     return all(_kind(a) == _kind(b) and not a.lights for a, b in pairs)
 
 
@@ -327,6 +330,7 @@ def _kind(lanelet: Lanelet) -> tuple[str, str, float]:
 
 def _chain(head: int, onward: dict[int, int]) -> list[int]:
     chain = [head]
+    # A ring comes back to its head.
     while chain[-1] in onward and onward[chain[-1]] != head:
         chain.append(onward[chain[-1]])
     return chain

@@ -85,6 +85,7 @@ def _inside(graph: Graph, rows: Layout) -> tuple[set[int], dict[int, bool]]:
             (joint.beginning, joint.ending, False),
             (joint.ending, joint.beginning, True),
         ):
+            # Ways from one row to several have to be inside together: a split is one junction.
             if len(side) > 1 and len(other) == 1:
                 siblings |= {(number, at_end): side for number in side}
     whole: set[int] = set()
@@ -112,6 +113,7 @@ def _wanted(graph: Graph, rows: Layout, number: int) -> list[bool]:
     """The ends (True) and starts of a row at which it is the inside of a junction by itself."""
     single = _single(rows, number)
     if not _crosses(graph, rows, number) and not (all(single) and _splits_and_merges(rows, number)):
+        # One end: a row is cut once at most.
         return [at_end for at_end in (False, True) if _turns(graph, rows, number, at_end)][:1]
     return [at_end for at_end, leads in zip((False, True), single, strict=True) if leads][:1]
 
@@ -166,6 +168,7 @@ def _bend(graph: Graph, names: tuple[str, ...], at_end: bool) -> float:
     steps = np.diff(line[at <= _TURNING], axis=0)
     if len(steps) < 2:
         return 0.0
+    # Unwrapped: a turn over ±π is no jump.
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     turned = np.abs(heading - heading[0])
     return (
@@ -183,6 +186,7 @@ def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> 
     places = [s if not at_end else total - s for s in _crossed(graph, row.first, line)]
     bend = _bend(graph, row.first, at_end) if len(row.first) == 1 else 0.0
     part = max(places) + _PAST_CROSSING if places else max(bend, min(_LONGEST_PART, total / 2))
+    # A stretch outside has to remain as a road.
     part = min(part, _LARGEST_SHARE * total)
     seconds = split(table, lanelets, frame_at(line, total - part if at_end else part))
     return set(seconds.values()) if at_end else set(row.first)
@@ -208,6 +212,7 @@ def junction_ids(graph: Graph, plan: Layout) -> list[int]:
     Joints at the two ends of a connecting road share one, and so do those of connecting roads that
     cross.
     """
+    # A plain joint links two roads, no junction.
     pairs, needed = [], {index for index, joint in enumerate(plan.joints) if not joint.plain}
     entry: dict[str, int] = {}
     for number, start in _entries(plan):
@@ -224,6 +229,7 @@ def junction_ids(graph: Graph, plan: Layout) -> list[int]:
     ]
     groups = _grouped(len(plan.joints), pairs)
     ids = {
+        # After the ids of roads, which are the numbers of bundles from 1 on.
         group: len(plan.bundles) + 1 + place
         for place, group in enumerate(sorted({groups[index] for index in needed}))
     }
@@ -249,6 +255,7 @@ def _grouped(count: int, pairs: list[tuple[int, int]]) -> list[int]:
 
     for one, other in pairs:
         first, second = sorted((root(one), root(other)))
+        # The smaller one is the root, whatever the order of the pairs.
         parents[second] = first
     return [root(index) for index in range(count)]
 
@@ -308,6 +315,7 @@ def _junction(
     lanes: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
     for joint in joints:
         for (before, one), (after, other) in joint.lanes:
+            # Ways out of connecting roads are links of these, no connections.
             if not inside or plan.bundles[after].inside:
                 lanes[before, after].append((-one - 1, -other - 1))
     connections = tuple(

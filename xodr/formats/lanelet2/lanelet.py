@@ -133,6 +133,7 @@ def direction(line: Points, at_end: bool) -> float:
     """Heading [rad] of a line at one of its ends: the tangent of a parabola through its last
     (first) `REACH` metres."""
     total = lengths(line)[-1]
+    # The last chord alone follows each jitter of the drawn nodes.
     reach = min(REACH, total)
     near = points_at(
         line, np.linspace(total - reach, total, 33) if at_end else np.linspace(0.0, reach, 33)
@@ -158,6 +159,7 @@ def crossing(line: Points, frame: CrossLine) -> tuple[float, float]:
     the frame.
     """
     ahead, aside = frame.local(line).T
+    # From behind only: on a loop the line also comes back over the frame.
     steps = np.flatnonzero((ahead[:-1] <= 0.0) & (ahead[1:] > 0.0))
     at = lengths(line)
     if not len(steps):
@@ -173,6 +175,7 @@ def crossing(line: Points, frame: CrossLine) -> tuple[float, float]:
 def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
     """The part of a line between two frames that it crosses."""
     s0, s1 = crossing(line, start)[0], crossing(line, end)[0]
+    # Frames that cross each other upon the line would leave no part of it.
     if s1 <= s0:
         s1 = s0 + _SAME
     at = lengths(line)
@@ -186,6 +189,7 @@ def across(points: Points, tangents: Points, line: Points) -> FloatArray:
 
     The place nearest to the point is meant; NaN where the line does not pass.
     """
+    # The table of all points and stretches grows with their product.
     count = max(_AT_ONCE // len(line), 1)
     blocks = [slice(start, start + count) for start in range(0, len(points), count)]
     return np.concatenate(
@@ -264,6 +268,7 @@ def _parts(line: Points, frame: CrossLine) -> tuple[Points, Points]:
     """The parts of a line before and after it crosses a frame; near its end where it does not cross
     it within."""
     s, at = crossing(line, frame)[0], lengths(line)
+    # A frame that meets a bound at its end must not leave a part without length.
     s = min(max(s, 0.05 * at[-1]), 0.95 * at[-1])
     cut = points_at(line, np.array([s]))
     return np.concatenate([line[at < s], cut]), np.concatenate([cut, line[at > s]])

@@ -94,6 +94,7 @@ class _OsmWriter:
     def node(self, place: Iterable[float]) -> int:
         """Number of the node at a place, made where there is none."""
         x, y, z = place
+        # A near node may lie beyond the border of its cell.
         cell = (math.floor(x / _NEAR), math.floor(y / _NEAR))
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
@@ -116,6 +117,7 @@ class _OsmWriter:
         if found is None:
             found = self._ways[nodes] = len(self._ways)
             self._tags[found] = tags
+        # Neighbours share a way; where only one of them knows its mark, that is it.
         elif self._tags[found]["type"] == "virtual":
             self._tags[found] = tags
         return found
@@ -212,6 +214,7 @@ def _bounds(
             for side, line in (("left", lane.left), ("right", lane.right))
         ]
         left, right = (writer.line(line) for line in lines)
+        # Such a lane could not be read again: bounds need two nodes.
         if min(len(left), len(right)) < 2 or min(gone(line)[-1] for line in lines) <= TOUCHING:
             notes.append(f"lane {name} is left out: a border of it is shorter than {TOUCHING:g} m")
             continue
@@ -253,6 +256,7 @@ def _joined_ends(
             for one, two in pairs:
                 a, b = root(one), root(two)
                 if a != b:
+                    # The smaller key is the root, so that the same map gives the same file.
                     parents[max(a, b)] = min(a, b)
     if apart:
         notes.append(f"{apart} connections are lost: their lanes end more than {_GAP:g} m apart")
@@ -263,6 +267,7 @@ def _joined_ends(
             groups[root(key)].append(key)
     for members in groups.values():
         points = np.array([getattr(lanes[name], side)[at] for name, side, at in members])
+        # The mean moves each end by the least.
         for key in members:
             places[key] = points.mean(axis=0)
     return places
@@ -347,6 +352,7 @@ def _signs(writer: _OsmWriter, lane_map: LaneMap) -> Iterator[_Rule]:
 
 
 def _write_nodes(writer: _OsmWriter, lane_map: LaneMap) -> None:
+    # Without a projection the metres are put down about 0, 0, to be read back the same way.
     projector = Projector(*_NOWHERE) if lane_map.projection is None else Projector.of(lane_map)
     assert projector is not None
     longitude, latitude, _ = projector.to_geodetic(np.array(writer.nodes).reshape(-1, 3))
@@ -407,6 +413,7 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
     for sign in found.signs:
         sign.lanes = tuple(name for name in sign.lanes if name in made)
         signals.append(sign)
+    # An origin that the caller gives replaces that of the file.
     projection, offset = _own_projection(path) if origin is None else (None, (0.0, 0.0, 0.0, 0.0))
     if projection is None and found.geo is not None:
         projection, offset = found.geo.projection, (*found.geo.origin, 0.0, 0.0)

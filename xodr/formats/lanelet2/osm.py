@@ -113,6 +113,7 @@ def _content(root: etree._Element) -> Osm:
 
 
 def _put(table: dict[str, T], element: etree._Element, value: T) -> None:
+    # JOSM keeps what was deleted in the file, marked so.
     if element.get("action") == "delete":
         return
     identity = _attribute(element, "id")
@@ -150,6 +151,7 @@ def _number(element: etree._Element, name: str, text: str) -> float:
         number = float(text)
     except ValueError:
         number = math.nan
+    # float() reads "nan" and "inf", too.
     if not math.isfinite(number):
         raise _invalid(element, f"{name}={text!r} is no finite number")
     return number
@@ -236,8 +238,10 @@ class MapProjection:
     """
 
     def __init__(self, osm: Osm, origin: tuple[float, float] | None) -> None:
+        # All nodes need them: a map of two kinds of coordinates would fall apart.
         self.local = origin is None and all(node.local is not None for node in osm.nodes.values())
         latitude, longitude = origin or (0.0, 0.0)
+        # UTM ends at 84 degrees.
         if not (abs(latitude) <= 84.0 and abs(longitude) <= 180.0):
             raise UsageError(f"the origin ({latitude:g}, {longitude:g}) has no UTM zone")
         self.geo = None if self.local else _geo(latitude, longitude)
@@ -255,6 +259,7 @@ class MapProjection:
         else:
             points = _projected(osm, self.geo)
         for name, (x, y) in points.items():
+            # `not … <` catches NaN, too.
             if not abs(x) + abs(y) < LARGEST:
                 raise InvalidFile(
                     "it is too far away from the map's origin",
@@ -293,6 +298,7 @@ def _projected(osm: Osm, geo: Geo) -> dict[str, tuple[float, float]]:
     eastings, northings = pyproj.Proj(geo.projection)(longitudes, latitudes)
     x0, y0 = geo.origin
     found = {name: (x - x0, y - y0) for name, x, y in zip(names, eastings, northings, strict=True)}
+    # PROJ gives inf where it does not reach; the caller refuses such nodes by name.
     return {
         name: point if math.isfinite(sum(point)) else (math.inf, math.inf)
         for name, point in found.items()

@@ -83,6 +83,7 @@ def kind_of(relation: Relation) -> LaneletKind | None:
     limit = speed_limit(relation)
     if limit is None:
         limit = math.inf if area else _TYPE_LIMITS.get(lane_type, _LIMITS[road_type])
+    # The tags of this project's own writer say more than Lanelet2's subtypes.
     if lane_type != CROSSWALK and own in LANE_TYPES:
         lane_type = own
     if tags.get("road_type", "") in ROAD_TYPES:
@@ -91,8 +92,10 @@ def kind_of(relation: Relation) -> LaneletKind | None:
 
 
 def is_strip(relation: Relation) -> bool:
-    """Whether a relation is an area that was a lane without traffic; its first two ways are its
-    borders."""
+    """Whether a relation is an area that was a lane without traffic.
+
+    Its first two ways are its borders.
+    """
     tags = relation.tags
     return (
         tags.get("type") == "multipolygon"
@@ -127,6 +130,7 @@ def speed(relation: Relation, name: str, text: str) -> float:
     Raises:
         InvalidFile: it is none, or not positive.
     """
+    # A number without a unit is in km/h, as in OpenStreetMap.
     match = _SPEED.fullmatch(text)
     value = float(match[1]) * _UNITS.get((match[2] or "").lower(), 1 / 3.6) if match else 0.0
     if not 0.0 < value < math.inf:
@@ -184,15 +188,16 @@ def regulations(osm: Osm) -> Regulations:
 
 
 def _read(found: Regulations, rule: Relation, subtype: str, lanelets: list[str]) -> bool:
-    """Put down what a regulatory element says of the lanelets that refer to it; whether it says
-    anything."""
+    """Put down the rules of an element for lanelets that refer to it; False if there is none."""
     if subtype == "speed_limit":
         limit = _limit(rule)
         if limit is not None:
+            # Of several limits the lowest holds.
             found.limits.update(
                 {name: min(limit, found.limits.get(name, limit)) for name in lanelets}
             )
         return limit is not None
+    # Read by `signs_of`, if there is anything to read.
     if subtype == "traffic_sign":
         return bool(rule.refs("refers", "way"))
     if subtype == "traffic_light":
@@ -290,6 +295,7 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
         for relation in relations
         if any(len(relation.refs(side, "way")) > 1 for side in ("left", "right"))
     ]
+    # The ids of the file, before lanelets are split: heights are looked up by them.
     drawn = [lane.id for lane in lanes]
     directed = {relation.id for relation in relations if relation.tags.get("lane_type") in WALKS}
     lanes, splits = split_at_joints(linked(lanes, bounds, directed), bounds, joined)
@@ -308,6 +314,7 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
             *splits,
         ]
     surveyed = {}
+    # A map without heights says so by zeros.
     if any(node.height for node in osm.nodes.values()):
         for lane, edges in zip(drawn, bounds, strict=True):
             left, right = (
@@ -329,6 +336,7 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
 def _lane(
     relation: Relation, kind: LaneletKind, bounds: LaneletBounds, rules: Regulations
 ) -> Lanelet:
+    # A lanelet's own tag goes before the regulatory elements that it refers to.
     limit = rules.limits.get(relation.id) if speed_limit(relation) is None else None
     left, right = (mark_of(way.tags) for way in bounds.ways)
     return Lanelet(

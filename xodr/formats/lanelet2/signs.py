@@ -39,6 +39,7 @@ def face(place: Place, heading: float) -> FloatArray:
 def facing(line: FloatArray) -> tuple[Place, float]:
     """The middle of a face, and the direction (rad) in which it looks."""
     x, y, z = (0.5 * (line[0] + line[-1])).tolist()
+    # The inverse of `face`.
     dx, dy = (line[-1] - line[0])[:2].tolist()
     return (x, y, z), math.atan2(-dx, dy)
 
