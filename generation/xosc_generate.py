@@ -199,6 +199,22 @@ def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
     return instead
 
 
+def _likely(search: Search, space: Space) -> Units:
+    """Recorded units, or draws from the limits where shipped units have nothing inside them."""
+    from generation.space.recorded import stated_instead
+
+    found = search.recorded(space)
+    instead = stated_instead(found, space, search.settings.density)
+    if instead is None:
+        return found
+    what = (
+        "the shipped units have nothing inside the limits of its parameters: these are "
+        "drawn evenly, and no probability is that of traffic"
+    )
+    say(f"{NAME}: {search.scenario.name}: {what}", to=sys.stderr)
+    return instead
+
+
 def _found(
     search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool, clock: SearchClock
 ) -> ExitCode:
@@ -216,7 +232,7 @@ def _found(
         before = Before.of(search.against, scenario) if search.against is not None else None
         with progress_bar(scenario.stem, settings.budget, quiet) as progress:
             generated = generate(
-                scenario, search.recorded, search.out, settings, progress,
+                scenario, partial(_likely, search), search.out, settings, progress,
                 interim=lambda made: render(scenario, made, settings, search.out),
                 drawing=lambda needed: progress.below("draws", needed), clock=clock,
             )  # fmt: skip

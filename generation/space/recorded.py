@@ -254,6 +254,25 @@ def shipped_instead(scenario: RecordedScenario, space: Space, least: int) -> Rec
         return None
 
 
+_LEAST_LIKELY = 1e-3
+"""Least share of a density inside the limits of the parameters: below, next to no draw is"""
+
+
+def stated_instead(found: Recorded, space: Space, density: str) -> Recorded | None:
+    """Draws from the limits, where shipped units have next to nothing inside them, as beside a
+    vehicle that stands; None elsewhere.
+
+    Densities that the user names are kept: they state what is likely.
+    """
+    if not found.simulated or found.pairs is not None or not found.values:
+        return None
+    try:
+        likely = found.recorded_prior(space, density).possible_share >= _LEAST_LIKELY
+    except UsageError:
+        likely = False
+    return None if likely else of_statements(found.marginals, space)
+
+
 def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
     """Units of a kind, or pairs of units.
 

@@ -307,7 +307,7 @@ def init(
     Raises:
         Unsupported: the road does not reach back to where the other one would have to begin.
     """
-    started = {EGO: _ego(maneuver, followed)}
+    started = {EGO: _ego(maneuver, followed, network)}
     if maneuver.passage is not None and maneuver.passage.conflict is not None:
         station = f"{maneuver.passage.conflict.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
         started[other] = _on_way(
@@ -318,13 +318,13 @@ def init(
     return started
 
 
-def _ego(maneuver: RecordedManeuver, followed: Paths) -> list[Any]:
+def _ego(maneuver: RecordedManeuver, followed: Paths, network: RoadNetwork) -> list[Any]:
     """Return the ego's actions: its recorded start, or the approach to its manoeuvre on its route
     or path."""
     passage = maneuver.passage
     if passage is None:
         actions = [
-            _recorded(maneuver),
+            _recorded(maneuver, network),
             maneuvers.speed(f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}"),
         ]
     else:
@@ -372,9 +372,16 @@ def _facing(track: Track, time: float, network: RoadNetwork) -> int:
     return 1 if np.cos(h - network.road(here.road_id).heading(here.s)) >= 0.0 else -1
 
 
-def _recorded(maneuver: RecordedManeuver) -> Any:
-    """The place of the ego when the scene begins."""
+def _recorded(maneuver: RecordedManeuver, network: RoadNetwork) -> Any:
+    """The place of the ego when the scene begins.
+
+    Raises:
+        Unsupported: it is beyond the ends of the road.
+    """
     here = _place(maneuver.ego, maneuver.start)
+    # Tracks may begin before the map does; a place there is none of the standard's.
+    if not 0.0 <= here.s <= network.road(here.road_id).length:
+        raise Unsupported("the road begins after the manoeuvre does")
     return maneuvers.teleport(
         maneuvers.lane_position(here.road_id, here.lane_id, round(here.s, 3), round(here.offset, 3))
     )

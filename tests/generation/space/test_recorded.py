@@ -13,7 +13,13 @@ from generation.space.density.roles import KINDS_OF_SCENARIOS, PAIRED
 from generation.space.logical.library import SCENARIOS, maneuver_scenarios
 from generation.space.logical.maneuvers import MANEUVERS
 from generation.space.logical.pairs import PAIRS
-from generation.space.recorded import kind_of, of_catalogue, of_recordings, of_samples
+from generation.space.recorded import (
+    kind_of,
+    of_catalogue,
+    of_recordings,
+    of_samples,
+    stated_instead,
+)
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import KINDS, Parameter
 from recognition.labels.maneuvers.units import Samples
@@ -182,3 +188,18 @@ def test_kinds_by_name_are_those_of_the_tables_of_scenarios() -> None:
     assert {*MANEUVERS, *PAIRS} == {*KINDS_OF_SCENARIOS}
     assert {KINDS_OF_SCENARIOS[name] for name in MANEUVERS} <= {*KINDS}
     assert kind_of(Path("xosc/library/cut_in_before_braking_leader_highway.xosc")) == PAIRED[0]
+
+
+def test_limits_are_drawn_from_where_shipped_units_have_nothing_inside_them() -> None:
+    start, end, lasts = "CutIn_StartSpeed_mps", "CutIn_EndSpeed_mps", "CutIn_Duration_s"
+    usual = Space.of(CUT_IN, pinned={start: "26", end: "26", lasts: "5"})
+    hard = Space.of(CUT_IN, pinned={start: "38", end: "12", lasts: "1"})
+    samples = of_recordings(None, "cut_in")
+    found = of_samples(samples, usual, simulated=True)
+    assert stated_instead(found, usual, "mixture") is None
+    found = of_samples(samples, hard, simulated=True)
+    instead = stated_instead(found, hard, "mixture")
+    assert instead is not None and instead.marginals.keys() == set(hard.names)
+    assert instead.within(hard).theta.std(axis=0).min() > 0.0
+    own = found._replace(simulated=False)
+    assert stated_instead(own, hard, "mixture") is None, "the user names what is likely"

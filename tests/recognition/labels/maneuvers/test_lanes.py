@@ -238,6 +238,20 @@ def test_the_scene_ends_before_the_road_does(tmp_path: Path, recording: Recordin
         write(tmp_path, recording, replace(found, values=found.values._replace(duration=60.0)))
 
 
+def test_an_ego_that_begins_before_its_road_has_no_maneuver(
+    tmp_path: Path, recording: Recording
+) -> None:
+    """The place would be none of the standard's: checks refused the file."""
+    found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
+    columns = {name: values.copy() for name, values in found.ego.columns.items()}
+    columns["s"] -= columns["s"][np.searchsorted(columns["time"], found.start)] + 0.7
+    before = Track(
+        found.ego.name, found.ego.kind, found.ego.category, found.ego.box, lambda: columns
+    )
+    with pytest.raises(Unsupported, match="the road begins after the manoeuvre does"):
+        write(tmp_path, recording, replace(found, ego=before))
+
+
 def test_before_1_1_there_are_no_expressions(tmp_path: Path, recording: Recording) -> None:
     with pytest.raises(Unsupported, match=r"plain text in OpenSCENARIO 1\.0"):
         write(tmp_path, recording, measured(recording, Label.CUT_IN, m.EGO, m.CUTTER), (1, 0))
