@@ -36,6 +36,10 @@ _FULL = """\
 All others have at most {events} windows of each class and {budget} runs a search. *As published*:
 the encoder `{grids}` of occupancy grids, of the publication's size; *as shipped*: tokens.
 """
+_APPROACHES = """\
+Cut ins before the T junction and before the four-way intersection are on the same approach, and end
+before either: their rows are the same.
+"""
 _SMALLEST_MARK = ", smallest settings"
 _ORDER = ("full", "smallest")
 """Scales, the one to show first"""
@@ -86,6 +90,7 @@ def text(results: Path) -> str:
         rows = _with_published(found / stage / f"{name}.csv", published, of)
         parts.append(_section(title + mark, rows))
     parts.append(_pictures(results, "5", "6", "7", "8", "8 highways"))
+    parts.append(_APPROACHES)
     for stage in GEOMETRIES:
         found, mark = _folder(results, [(stage, "generated")])
         rows = _plain(found / stage / "generated.csv")
@@ -327,9 +332,11 @@ def _commands(entries: Iterable[Entry], scale: str) -> str:
         for each in made
     ]
     total = sum(each.seconds for each in made)
+    counted = [float(each.processor) for each in made if each.processor]
+    spent = f", {sum(counted) / 60:.0f} of processor time" if len(counted) == len(made) else ""
     header = ["stage", "command", "s", "processor s", "machine", "date", "commit"]
     command = f"`python -m studies.publication{' --smallest' if scale == 'smallest' else ''}`"
     return (
         _section(f"Commands, {scale} settings", (header, rows), "##")
-        + f"\n{command} runs them, {total / 60:.0f} minutes in all.\n"
+        + f"\n{command} runs them, {total / 60:.0f} minutes in all{spent}.\n"
     )
