@@ -376,7 +376,7 @@ def _nothing(generated: Generated) -> str:
     outcomes = generated.history.outcomes
     colliding, near = outcomes.executed & outcomes.collision, outcomes.clearance[outcomes.executed]
     if not near.size:
-        return "nothing was run"
+        return "no sought run succeeded" if len(outcomes.executed) else "no run was sought"
     if not colliding.any():
         return (
             f"no run {generated.fails}; the least distance of the ego to another one is "

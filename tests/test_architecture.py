@@ -330,7 +330,7 @@ PROCESSES = {
         "makes them: jobs without an end, tasks in order, on this machine or by Ray"
     ),
     "generation.loop.searches": "keeps one for each target, which has its densities at hand",
-    "xosc_toolchain.xosc_explore": "keeps one that answers a page",
+    "xosc_toolchain.explore_site": "keeps one that answers a page",
     "studies.recognition.protocol.processes": "looks at the store while seeds are worked on",
 }
 """Modules that hand work to processes by themselves, each with the reason;

@@ -4,19 +4,31 @@ variations."""
 from __future__ import annotations
 
 import keyword
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
 from runner.exchange.exports import TARGETS
 from runner.exchange.exports.exporting import export_documents
+from runner.view.explore import NUMBER, WHOLE, Explored, ExploredParameter
 from schemas.common.errors import UsageError, nearest
 from schemas.common.storage import keep, writing
 from schemas.common.terminal.files import LIBRARY, shipped
 from schemas.common.terminal.files import named as file_of
+from xosc.distributions import (
+    Deterministic,
+    DeterministicSingleParameterDistribution,
+    DistributionSet,
+    ParameterValueDistribution,
+    write_distribution,
+)
 from xosc.document import load, to_bytes
 from xosc.exports.draft import Folder
+from xosc.writing.files import FileHeader
 from xosc_toolchain.settings import write_settings
 
 # packages that extend the toolchain: copies of the templates -------------------------------------
@@ -126,6 +138,10 @@ def _camel(name: str) -> str:
 _STANDARD = "1.3"
 """Version of OpenSCENARIO of new files"""
 _NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
+_NO_NAME = "{name!r} is no name: letters, digits, _, - and . are; --out is the folder"
+_VARIED, _REACH = 2, 1.0 / 3.0
+"""Parameters of a new variation of a scenario, and the share of the way to its limits at which a
+value is varied: at the limits themselves a scenario is rarely meant"""
 
 
 class _Renaming(Folder):
@@ -174,9 +190,7 @@ def copy_scenario(source: Path, name: str, folder: Path) -> list[Path]:
     Errors as in `write_scenario`.
     """
     if not _NAME.fullmatch(name):
-        raise UsageError(
-            f"{name!r} is no name: letters, digits, _, - and . are; --out is the folder"
-        )
+        raise UsageError(_NO_NAME.format(name=name))
     new = f"{name.removesuffix('.xosc')}.xosc"
     if (folder / new).exists():
         raise UsageError("this file is there already", path=folder / new)
@@ -204,6 +218,67 @@ def declare(path: Path, values: Mapping[str, str]) -> None:
         found[name].set("value", value)
     if values:
         keep(to_bytes(document), path)
+
+
+def write_variation(name: str, like: str, folder: Path) -> list[Path]:
+    """Write a variation file: one that begins as another, with its scenario, or one of a scenario
+    of the user, which stays where it is.
+
+    Args:
+        name: of the new file, without an ending.
+        like: name of a shipped file, or path of one.
+
+    Raises:
+        UsageError: as in `write_scenario`; or no parameter of the scenario has limits.
+        InvalidFile: there is no such file.
+    """
+    source = file_of(Path(like))
+    if load(source).root.find("ParameterValueDistribution") is not None:
+        return write_scenario(name, like, folder)
+    own = folder / f"{name.removesuffix('.xosc')}.xosc"
+    if own.exists():
+        raise UsageError("this file is there already", path=own)
+    if not _NAME.fullmatch(name):
+        raise UsageError(_NO_NAME.format(name=name))
+    varied = {
+        parameter.name: _around(parameter)
+        for parameter in Explored.of(source).parameters
+        if parameter.limited and parameter.kind in (NUMBER, WHOLE)
+    }
+    if not varied:
+        told = "no parameter has limits on both sides (ConstraintGroup), between which to vary it"
+        raise UsageError(told, path=source)
+    files = copy_scenario(source, source.stem, folder) if like in shipped() else [source]
+    # More than two parameters would be thousands of runs: further ones are the user's choice.
+    chosen = dict(islice(varied.items(), _VARIED))
+    return [vary(files[0], chosen, own), *(files if like in shipped() else ())]
+
+
+def _around(parameter: ExploredParameter) -> list[str]:
+    """Value of a parameter between two others, on the way to its limits."""
+    at = float(parameter.value)
+    ends = (at + _REACH * (end - at) for end in (parameter.low, parameter.high))
+    below, above = map(parameter.text, ends)
+    return list(dict.fromkeys((below, parameter.value, above)))
+
+
+def vary(scenario: Path, varied: Mapping[str, list[str]], path: Path | None = None) -> Path:
+    """Write the variation file of a scenario, with each combination of values.
+
+    Args:
+        path: of the file; beside the scenario by default.
+    """
+    single = tuple(
+        DeterministicSingleParameterDistribution(name, DistributionSet(tuple(texts)))
+        for name, texts in varied.items()
+    )
+    path = path or scenario.with_name(f"{scenario.stem}_variation.xosc")
+    date = datetime.fromisoformat(load(scenario).node.need("FileHeader").get("date"))
+    header = FileHeader(f"Variations of {scenario.stem}", "xosc-toolchain", date)
+    file = os.path.relpath(scenario.resolve(), path.parent.resolve())
+    distribution = ParameterValueDistribution(Path(file).as_posix(), Deterministic(single))
+    write_distribution(distribution, path, header)
+    return path
 
 
 def write_project(name: str, like: str, folder: Path) -> Iterator[Path]:

@@ -145,14 +145,19 @@ def scenario(
 def variation(
     name: Annotated[str, typer.Argument(help="Name of the variation file.")],
     like: Annotated[
-        str, typer.Option(metavar="NAME", help="Shipped variation that it begins as (xosc list).")
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Variation that it begins as, shipped or a file; or a scenario, whose first two "
+            "parameters with limits it varies.",
+        ),
     ] = VARIATION,
     out: Annotated[Path, out_folder("Folder in which it is written.")] = Path(),
 ) -> None:
-    """Write a variation file with its scenario."""
-    from xosc_toolchain.plugin import write_scenario
+    """Write a variation file with its scenario, or one of your scenario."""
+    from xosc_toolchain.plugin import write_variation
 
-    say(*map(str, write_scenario(name, like, out)))
+    say(*map(str, write_variation(name, like, out)))
 
 
 @new.command()

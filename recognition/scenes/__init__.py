@@ -75,6 +75,8 @@ _LEAST_ON_ROAD = 1.0 / 3.0
 the real recordings."""
 _MOST_ON_ROAD = 0.98
 """Share from which nothing is said"""
+_SHOWN = 0.01
+"""Least share that is printed in percent"""
 _MOST_ASTRAY = 1.0 / 3.0
 """Greatest share of places where vehicles go astray: on its own map it is 3 % in the worst of the
 real recordings, on that of another junction, or turned or mirrored, mostly 45 % and more where five
@@ -112,8 +114,9 @@ def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
                 f"{on_road:.0%} of the vehicles' places are on a road of {name}",
             )
         )
+    share = f"{astray:.0%}" if astray >= _SHOWN else f"less than {_SHOWN:.0%}"
     across = (
-        f"at {astray:.0%} of their places vehicles go across the lanes of {name} or against the "
+        f"at {share} of their places vehicles go across the lanes of {name} or against the "
         "traffic there"
     )
     if astray > _MOST_ASTRAY:

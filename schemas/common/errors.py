@@ -256,9 +256,15 @@ def _lacks_memory(error: Exception) -> bool:
 
 def similar(name: str, names: Iterable[str]) -> str:
     """Return the question for the most similar of `names`; empty where none is."""
+    found = most_similar(name, names)
+    return f"did you mean {found!r}?" if found else ""
+
+
+def most_similar(name: str, names: Iterable[str]) -> str:
+    """Return the most similar of `names`; empty where none is."""
     names = [name for name in names if name]
     found = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
-    return f"did you mean {found[0]!r}?" if found else ""
+    return found[0] if found else ""
 
 
 def guess(name: str, names: Iterable[str]) -> str:

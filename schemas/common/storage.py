@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, NotWritten, UsageError, similar
+from schemas.common.errors import InvalidFile, NotWritten, UsageError, most_similar
 from schemas.common.errors import reason as reason_of
 from schemas.common.policy import current
 
@@ -110,15 +110,18 @@ def _alike(path: Path) -> str:
     one; empty without one.
     """
     # Strangers learn no names of files; files that commands write are missing often, and asked for.
-    if current().untrusted or path.suffix not in (".xosc", ".xodr"):
+    endings = (".xosc", ".xodr")
+    if current().untrusted or not most_similar(path.suffix, endings):
         return ""
+    kinds = (path.suffix,) if path.suffix in endings else endings
     try:
-        beside = (other for other in path.parent.iterdir() if other.suffix == path.suffix)
-        names = [other.stem for other in beside if other.exists()]
+        files = (other for other in path.parent.iterdir() if other.suffix in kinds)
+        beside = {other.stem: other.name for other in files if other.exists()}
     except OSError:
         return ""
-    question = similar(path.stem, sorted(names))
-    return question and f"; {question}"
+    # Endings are alike in all names, and would make each of them similar.
+    found = most_similar(path.stem, sorted(beside))
+    return found and f"; did you mean {beside[found]!r}?"
 
 
 def read_bytes(path: Path) -> bytes:

@@ -23,6 +23,7 @@ from runner.judging.settings import RunSettings
 from tests.commands import Command, as_of_a_terminal
 from tests.runner.chromium import Browser
 from xosc_toolchain import xosc_explore
+from xosc_toolchain.explore_site import ExploreSite
 
 ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT / "xosc" / "library"
@@ -32,7 +33,7 @@ SETTINGS = RunSettings(sut="adas", world="kinematic", max_time=8.0)
 class Served:
     """A server on a thread, and requests to it."""
 
-    def __init__(self, site: xosc_explore.ExploreSite) -> None:
+    def __init__(self, site: ExploreSite) -> None:
         self.server = xosc_explore._Server(site, 0)
         self.host = f"127.0.0.1:{self.server.server_port}"
         self.address = f"http://{self.host}/{self.server.token}/"
@@ -64,7 +65,7 @@ class Served:
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     out = tmp_path_factory.mktemp("saved")
-    site = xosc_explore.ExploreSite([LIBRARY / "simple_cut_in.xosc"], SETTINGS, {}, out, 2)
+    site = ExploreSite([LIBRARY / "simple_cut_in.xosc"], SETTINGS, {}, out, 2)
     found = Served(site)
     yield found
     found.server.shutdown()
@@ -211,7 +212,7 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shelf(batch: Path) -> Iterator[Served]:
-    site = xosc_explore.ExploreSite([batch], SETTINGS, {}, None, 1)
+    site = ExploreSite([batch], SETTINGS, {}, None, 1)
     found = Served(site)
     yield found
     found.server.shutdown()
@@ -251,7 +252,7 @@ def test_a_run_whose_scenario_has_gone_says_so(batch: Path, tmp_path: Path) -> N
     shutil.copytree(batch, moved, symlinks=True)
     journal = next(path for path in moved.iterdir() if path.suffix == ".jsonl")
     journal.write_text(journal.read_text().replace(str(LIBRARY), "/nowhere"))
-    site = xosc_explore.ExploreSite([moved], SETTINGS, {}, None, 1)
+    site = ExploreSite([moved], SETTINGS, {}, None, 1)
     with pytest.raises(xosc_explore.ToolchainError):
         site.explore("0")
     site.close()
@@ -266,7 +267,7 @@ def test_a_search_without_edge_cases_is_explored_with_its_system_and_pins(
     pin = ("--pin", "CutIn_LaneChangeTime_s=4.5", "--pin", "CutIn_Gap_m=39")
     command("xosc-generate", LIBRARY / "simple_cut_in.xosc", *searching, *pin, "--out", found)
     (found / "simple_cut_in.xosc").unlink(missing_ok=True)  # as of a search without edge cases
-    site = xosc_explore.ExploreSite([found], SETTINGS, {}, None, 1)
+    site = ExploreSite([found], SETTINGS, {}, None, 1)
     assert site.folder is not None and site.folder.rows("")["count"] > 0
     scenario, values, system = site.folder.target("0")
     assert scenario == LIBRARY / "simple_cut_in.xosc" and system == "adas"

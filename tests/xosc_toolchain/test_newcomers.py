@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from pathlib import Path
 
 import pytest
 
+import xosc_toolchain as xt
 from tests.commands import Command
 
 NAME = "highway_lead_brake"
@@ -70,3 +72,31 @@ def test_a_table_of_other_columns_says_how_it_is_read(folder: Path, command: Com
     Path("mine.csv").write_text("t,veh,px,py\n0.0,a,1,2\n")
     answer = command("xosc-recognize", "mine.csv", "--labels", "rules", "--out", "catalogue")
     assert "its first line is 't,veh,px,py': a columns.toml beside it" in answer.err
+
+
+def test_a_scenario_of_ones_own_is_varied_where_it_is(folder: Path, command: Command) -> None:
+    new = ("xosc", "new", "variation")
+    command("xosc", "new", "scenario", "mine", "--out", "here")
+    before = sorted(folder.rglob("*"))
+    assert command(*new, "sets", "--like", "here/mine.xosc").out.splitlines() == ["sets.xosc"]
+    assert sorted({*folder.rglob("*")} - {*before}) == [folder / "sets.xosc"]
+    sets = [values for _, values in xt.variations("sets.xosc")]
+    assert len(sets) == 9 and {values["Ego_Speed_mps"] for values in sets} == {
+        "15",
+        "22",
+        "31.33",
+    }
+    assert command("xosc-check", "sets.xosc").code == 0
+    assert "sets.xosc: this file is there already" in command(*new, "sets", "--like", NAME).err
+    made = command(*new, "shipped", "--like", NAME, "--out", "there").out.splitlines()
+    assert made[:2] == ["there/shipped.xosc", f"there/{NAME}.xosc"]
+    assert command("xosc-run", "there/shipped.xosc", "--dry-run").code == 0
+    text = Path("here/mine.xosc").read_text()
+    Path("here/free.xosc").write_text(
+        re.sub(r"(?s)<ConstraintGroup>.*?</ConstraintGroup>", "", text)
+    )
+    assert (
+        "no parameter has limits on both sides"
+        in command(*new, "v", "--like", "here/free.xosc").err
+    )
+    assert "'a/b' is no name" in command(*new, "a/b", "--like", "here/mine.xosc").err

@@ -85,7 +85,10 @@ def test_a_missing_file_is_told_with_the_most_similar_beside_it(tmp_path: Path) 
         (tmp_path / name).touch()
     with pytest.raises(InvalidFile) as caught:
         read_bytes(tmp_path / "NCAP_CCR_2023.xosc")
-    assert str(caught.value).endswith(": no such file; did you mean 'NCAP_CCRs_2023'?")
+    assert str(caught.value).endswith(": no such file; did you mean 'NCAP_CCRs_2023.xosc'?")
+    with pytest.raises(InvalidFile) as caught:
+        read_bytes(tmp_path / "NCAP_CCRs_2023.xsoc")
+    assert str(caught.value).endswith(": no such file; did you mean 'NCAP_CCRs_2023.xosc'?")
     with pytest.raises(InvalidFile, match=r"no such file$"):
         read_bytes(tmp_path / "absent" / "other.xosc")
     with in_force(CommandPolicy(untrusted=True)), pytest.raises(InvalidFile) as caught:
