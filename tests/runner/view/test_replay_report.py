@@ -472,14 +472,17 @@ def test_the_worst_runs_are_unlike_each_other(
         }
         for name, told, speed in contacts
     ]
+    values["parameters"] = [*values["parameters"], "Elsewhere"]
     monkeypatch.setattr("runner.view.report.report", lambda _: values)
     written = write_report(batch)
     browser.open(written)
     rows = "document.querySelectorAll('[aria-label^=Worst] tbody tr')"
+    told = browser.run(f"[...{rows}].map(row => row.cells[0].textContent).join()")
     found = browser.run(f"[...{rows}].map(row => row.cells[0].firstChild.textContent)")
     monkeypatch.undo()
     write_report(batch)
     assert found == ["hard", "side", "like"]
+    assert "=" in told and "Elsewhere" not in told, "the parameters of another scenario"
 
 
 def test_rows_are_cards_on_a_narrow_screen(batch: Path, browser: Browser) -> None:

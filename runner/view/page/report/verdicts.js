@@ -90,7 +90,12 @@ function evidence() {
 
 const WORST = 5;
 /** The values of the parameters that vary, in words. */
-const given = run => data.parameters.map(name => `${name}=${short(run.parameters[name])}`).join(", ");
+/** Values of a run's own parameters: a batch of several scenarios has those of all. */
+const given = run =>
+  data.parameters
+    .filter(name => (run.parameters[name] ?? null) !== null)
+    .map(name => `${name}=${short(run.parameters[name])}`)
+    .join(", ");
 
 /** Runs in their order, but the first of each scenario and cause before its likes: five of one kind would hide the others. */
 function unlike(runs) {
