@@ -53,6 +53,8 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
         InvalidFile: a file is malformed, or a run's road is not where it was.
         UsageError: the source has no information about its roads, or the folder can't be written.
     """
+    # From the surest to the least sure: the user's word, the recording's own road, a file, a made
+    # one.
     beside = source.path.parent / f"{source.site}.xodr"
     if source.given is not None:
         return SiteRoad(source.given, notes=(f"the road is {source.given.name}, as --road says",))
@@ -180,6 +182,7 @@ def _sampled(tracks: Sequence[Track], slowest: float = 0.0) -> _Sample:
     track = np.repeat(np.arange(len(columns)), np.array([len(one["x"]) for one in columns], int))
     fast = np.flatnonzero(np.abs(speed) >= slowest)
     rows = fast[np.linspace(0, len(fast) - 1, _SAMPLED).astype(int)] if len(fast) else fast
+    # A vehicle in reverse moves against its heading.
     return _Sample(
         track[rows], x[rows], y[rows], z[rows], np.where(speed < 0.0, h + math.pi, h)[rows]
     )
@@ -250,6 +253,7 @@ class _Proposal:
         """The role that a strip has by itself."""
         strip = self._graph.strips[number]
         junction = self._network.roads[strip.road].junction_id
+        # From the surest sign to the weakest: the first one that fits decides.
         if number in self._rings:
             return LaneRole.RING
         if any(after in self._rings for after in self._graph.following[number]):
@@ -410,6 +414,7 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     if source.report is not None:
         doubts = [f"no ramp and no lane change is labelled on {one}" for one in site.roles.doubts]
         source.report.remarks += (one for one in doubts if one not in source.report.remarks)
+    # A road that the recording brings along is of its place; any other one may not be.
     if brought is None:
         checks = fit(recording, site.network, (source.map or road.path).name)
         if source.report is not None:

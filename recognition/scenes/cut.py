@@ -49,12 +49,15 @@ def vertices(columns: Mapping[str, np.ndarray], tolerance: Tolerance) -> IntArra
     time, last = columns["time"], len(columns["time"]) - 1
     recorded = _Motion.of(columns)
     marks = np.arange(time[0], time[-1], _FIRST)
+    # A row may be at a mark but for rounding.
     chosen = np.unique(np.append(np.searchsorted(time, marks - 1e-6), last))
     while True:
         bad = _off(recorded, chosen, tolerance)
+        # A stretch is halved if any of its rows is off, its ends included.
         split = (
             np.add.reduceat(bad[:-1] | bad[1:], chosen[:-1]) > 0 if last > 0 else np.zeros(0, bool)
         )
+        # Without a row between them there is nothing to halve.
         split &= np.diff(chosen) > 1
         if not split.any():
             return chosen
@@ -88,6 +91,7 @@ def _off(recorded: _Motion, chosen: IntArray, tolerance: Tolerance) -> BoolArray
     dx, dy = np.diff(x[chosen]), np.diff(y[chosen])
     chord = np.hypot(dx, dy)
     stations = np.append(0.0, np.cumsum(chord))
+    # Where the way turns back the vehicle comes to rest, so that its speed is 0 there.
     rests = np.isin(stations, stations[1:-1][dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0.0])
     pieces, _ = quadratic(time[chosen], stations, float(speed[0]), rests)
     if not len(pieces):
@@ -217,6 +221,7 @@ class SceneCutter:
         for other in self._others(track, mine, start, end):
             rows = _between(other.columns["time"], start, end)
             rows = rows[_entrance(other.columns["time"][rows] - start) :]
+            # `::` parts references to story elements in OpenSCENARIO, and `$` begins parameters.
             name = _free(
                 f"{other.category}_{other.name}".replace("::", "_").replace("$", "_"), taken
             )
@@ -258,6 +263,7 @@ class SceneCutter:
         if key not in self._vertices:
             self._vertices[key] = vertices(track.columns, tolerance)
         found = self._vertices[key]
+        # Vertices strictly within the scene: its first and last row are added themselves.
         first, last = np.searchsorted(found, [rows[0] + 1, rows[-1]])
         return Part(name, track, np.concatenate([rows[:1], found[first:last], rows[1:][-1:]]))
 

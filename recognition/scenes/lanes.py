@@ -190,6 +190,7 @@ class LaneGraph:
         cos, sin = np.cos(h)[:, None], np.sin(h)[:, None]
         along = there[..., 0] * cos + there[..., 1] * sin
         across = there[..., 0] * -sin + there[..., 1] * cos
+        # Centre lines of lanes side by side are half of both widths apart.
         widths = 0.5 * (self.width[one] + self.width[other])
         near = (np.abs(along) <= _STEP) & (np.abs(np.abs(across) - widths) <= _TOUCH)
         near &= (
@@ -248,6 +249,7 @@ class LaneGraph:
         strips = []
         for lane_id in from_right:
             lane = section.lanes[lane_id]
+            # Just before its end, as that is the beginning of the next section.
             length, _ = self._traveller.length(
                 road, lane_id, section.s, math.nextafter(section.end, -math.inf)
             )
@@ -284,6 +286,7 @@ class LaneGraph:
         """The strip that a link leads into, unless against its traffic."""
         section = 0 if link.at_start else len(self._network.roads[link.road_id].sections) - 1
         number = self._index.get((link.road_id, section, link.lane_id))
+        # Links into the start of a road continue along +s, those into its end along −s.
         return (
             number if number is not None and self.strips[number].forward == link.at_start else None
         )
@@ -312,6 +315,7 @@ class _Lookup:
             np.array([section.s for section in road.sections]) for road in network.roads.values()
         ]
         self._first = np.concatenate([[0], np.cumsum([len(starts) for starts in self._starts])])
+        # Lane ids have both signs: shifted by this they are columns.
         self._reach = max((abs(lane) for _, _, lane in index), default=0)
         self._table = np.full((self._first[-1], 2 * self._reach + 1), NOWHERE, np.int64)
         for (road, section, lane), number in index.items():
@@ -335,6 +339,7 @@ class _Lookup:
                 np.searchsorted(self._starts[number], s[mine], side="right") - 1, 0
             )
         known = (road >= 0) & (np.abs(lane_id) <= self._reach)
+        # Rows that are not known look up lane 0 of some section, and the result is dropped.
         return np.where(known, self._table[row, np.where(known, lane_id, 0) + self._reach], NOWHERE)
 
 

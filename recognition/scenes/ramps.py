@@ -67,6 +67,7 @@ def ramp_roles(
             main lanes or away from them.
     """
     fast = (LaneRole.MAIN, LaneRole.ON_RAMP, LaneRole.OFF_RAMP)
+    # Without main lanes there is nothing to enter or to leave.
     if LaneRole.MAIN not in roles.values():
         return {}
     among = {number for number, role in roles.items() if role in (*fast, LaneRole.URBAN)}
@@ -83,6 +84,7 @@ def _near_fast(graph: LaneGraph, roles: dict[int, LaneRole], among: set[int]) ->
         strip = waiting.pop()
         for other in (*graph.following[strip], *graph.preceding[strip]):
             rest = left[strip] - graph.strips[other].length
+            # Again, where a shorter way leaves more of the length.
             if other in among and left[strip] > 0.0 and rest > left.get(other, -math.inf):
                 left[other] = rest
                 waiting.append(other)
@@ -136,6 +138,7 @@ class _StripSamples:
         along, across = dx * cos + dy * sin, dy * cos - dx * sin
         gap = np.abs(np.abs(across) - 0.5 * (self.width[one] + self.width[other]))
         angle = np.abs(np.remainder(self.h[other] - self.h[one] + np.pi, math.tau) - np.pi)
+        # Places of two lanes need not be level: they are up to half a step apart, in bends more.
         good = (gap <= _TOUCH) & (angle <= _PARALLEL) & (np.abs(along) <= 0.7 * _STEP)
         good &= (self.width[one] >= _NARROW) & (self.width[other] >= _NARROW)
         good &= self.strip[one] != self.strip[other]
@@ -150,6 +153,7 @@ class _StripSamples:
         found = [place]
         for table, at in ((self.left, 0), (self.right, len(self.x))):
             while (beside := int(table[found[at if at == 0 else -1]])) != NOWHERE:
+                # Places of faulty maps may lie beside each other in a circle.
                 if beside in found or len(found) > 30:
                     break
                 found.insert(0, beside) if at == 0 else found.append(beside)
@@ -233,6 +237,7 @@ class _Ramps:
         gores = [gore for way in (0, 1) for gore in self._gores(way)]
         gores = [gore for gore in gores if self._fast(gore.trunk)]
         sure = [gore for gore in gores if _sigmoid(abs(gore.score)) >= CERTAIN]
+        # A ramp ends, at the latest, at the main lanes of a gore of the other way.
         trunks: tuple[set[int], set[int]] = (set(), set())
         for gore in sure:
             main, _ = self._main_and_ramp(gore)
@@ -351,6 +356,7 @@ class _Ramps:
         """
         places = self._places
         both = (left, right)
+        # Both ways are compared at the same distance, that of the shorter one.
         look = min(max(gone for _, gone in places.ahead(place, _LOOK, way)) for place in both)
         if look < _LEAST:
             return None
@@ -378,6 +384,8 @@ class _Ramps:
         """Logarithm of the odds that the way on the right is the ramp."""
         strips = self._graph.strips
         ends = [strips[strip] for strip in self._strips(far)]
+        # Signs add up as logarithms of odds, as if they were independent: numbers of lanes, side,
+        # kinds, limits, bends.
         score = 1.5 * float(np.clip(len(sides[0]) - len(sides[1]), -2, 2))
         score += _SLOW_SIDE if self._rule(ends[0]) == "RHT" else -_SLOW_SIDE
         ramps = [
@@ -414,6 +422,7 @@ class _Ramps:
             strip, gone = waiting.pop()
             if strip not in self._known or strip in trunk or strip in own or gone > _RAMP:
                 continue
+            # A gore that is as sure has been here.
             if found.get(strip, 0.0) >= confidence:
                 continue
             found[strip] = confidence
@@ -453,7 +462,7 @@ class _Ramps:
             found[strip] = LaneGuess(role, _sigmoid(abs(gore.score)))
 
     def _mostly_beyond(self, place: int, way: int) -> bool:
-        """Whether the most of a place's strip lies beyond it."""
+        """Whether most of a place's strip lies beyond it."""
         strip = int(self._places.strip[place])
         first, last = self._places.first[strip], self._places.last[strip]
         behind, beyond = place - first, last - place

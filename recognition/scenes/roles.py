@@ -86,7 +86,9 @@ def _round_cycles(graph: LaneGraph) -> list[_Cycle]:
         return []
     rows, columns = np.array(links).T
     size = len(graph.strips)
+    # Sparse graphs take a length of 0 for no link.
     ways = csr_array((np.maximum(graph.length[columns], 1e-3), (rows, columns)), shape=(size, size))
+    # Cycles lie within strongly connected components: most links need no search.
     component = connected_components(ways, connection="strong")[1]
     seen: set[int] = set()
     round_cycles: list[_Cycle] = []
@@ -99,6 +101,7 @@ def _round_cycles(graph: LaneGraph) -> list[_Cycle]:
             points = np.concatenate([graph.centre_line(number)[:-1] for number in cycle])
             if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
                 seen.update(cycle)
+                # A buffer of 0 repairs outlines that touch themselves.
                 round_cycles.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
     return round_cycles
 
@@ -140,6 +143,7 @@ def _turns_one_way(points: FloatArray) -> bool:
     steps, length = steps[length > _SHORT], length[length > _SHORT]
     heading = np.arctan2(steps[:, 1], steps[:, 0])
     turn = np.remainder(np.roll(heading, -1) - heading + np.pi, 2.0 * np.pi) - np.pi
+    # Twice round, so that sixths may go over the first point.
     way, turned = (
         np.concatenate([[0.0], np.cumsum(np.concatenate([values, values]))])
         for values in (length, turn)
@@ -147,6 +151,7 @@ def _turns_one_way(points: FloatArray) -> bool:
     starts = np.arange(len(length))
     whole = turned[len(length)]
     ends = np.searchsorted(way, way[starts] + way[len(length)] / 6.0)
+    # Once round in all: a figure of eight turns by 0.
     return abs(abs(whole) - math.tau) < _SIXTH and bool(
         (np.sign(whole) * (turned[ends] - turned[starts]) >= _SIXTH).all()
     )
@@ -277,7 +282,7 @@ class Roles:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Lanes whose role is not sure, with the reason."""
+        """Lanes with unsure roles, and the reasons."""
         where: dict[str, list[str]] = {}
         for entry in self.entries:
             if not entry.certain:
@@ -318,6 +323,7 @@ def roles_of(network: RoadNetwork, proposed: Sequence[RoleRange], folder: Path) 
     for path in dict.fromkeys((beside, own)):
         if path.is_file():
             document = _document(path)
+            # A proposal that nobody has edited has its own digest, and is made anew.
             if document.get("proposal") != _digest(document.get("roles")):
                 return Roles(tuple(_checked(document.get("roles"), network, path)))
     proposal = Roles(tuple(proposed))
