@@ -63,6 +63,7 @@ class Traffic:
         self, frame: IntArray, lane: IntArray, along: FloatArray, length: FloatArray
     ) -> None:
         self._lane, self._along, self._length = lane, along, length
+        # Room for a lane beside the outermost ones, which is none of another frame.
         self._strip = frame * (int(lane.max()) + 3)
         key = self._key(lane)
         self._order = np.argsort(key, kind="stable")
@@ -94,6 +95,7 @@ class Traffic:
         ahead, alongside_ahead = self._beyond(front, 1, group)
         behind, alongside_behind = self._beyond(front - 1, -1, group)
         both = np.stack((alongside_ahead, alongside_behind))
+        # As an index ABSENT is the last row: its distance must not count.
         distance = np.where(both == ABSENT, np.inf, np.abs(self._along[both] - self._along))
         return ahead, both[distance.argmin(axis=0), np.arange(len(front))], behind
 
@@ -250,6 +252,7 @@ def _vehicles(tracks: _Columns, upper: BoolArray, seen: Sequence[Vehicle]) -> _C
     first, last = tracks["frame"][starts], tracks["frame"][ends]
     speed = np.abs(tracks["xVelocity"])
     changes = np.diff(tracks["laneId"], prepend=0) != 0
+    # From one track to the next no lane is changed.
     changes[starts] = False
     return {
         "id": tracks["id"][starts], "width": tracks["width"][starts],
@@ -305,6 +308,7 @@ def write_interaction(
     index, chosen = np.unique(motion.vehicle, return_inverse=True)
     seen = [vehicles[one] for one in index.tolist()]
     heading = np.arctan2(np.sin(motion.h), np.cos(motion.h))
+    # Adding 0.0 makes 0.0 of −0.0.
     columns = {
         "track_id": chosen + 1, "frame_id": motion.frame + 1,
         "timestamp_ms": (motion.frame + 1) * 1000 // INTERACTION_RATE,
@@ -465,6 +469,7 @@ def _tasks(site: SimulatedSite, scale: float, seed: int, out: Path, least: int) 
     count = max(least, round(site.recordings * scale))
     length = float(max(_SHORTEST, round(total / count)))
     for number in range(count):
+        # Seeded by the site's name too: its traffic does not depend on the other sites.
         yield _Task(
             site,
             number,

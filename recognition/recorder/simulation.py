@@ -39,10 +39,12 @@ def overlaps(
     step = 1
     while len(here := here[here + step < len(order)]):
         there = here + step
+        # Sorted by x: a row that is too far from the next one is so from all after it.
         near = (frame[there] == frame[here]) & (x[there] - x[here] < reach[here] + reach.max())
         here, there = here[near], there[near]
         touching = np.hypot(x[there] - x[here], y[there] - y[here]) < reach[here] + reach[there]
         a, b = order[here[touching]], order[there[touching]]
+        # Rectangles are apart if, and only if, an axis of one of them separates them.
         apart = _separated(moving, length, width, a, b) | _separated(moving, length, width, b, a)
         found.append((a[~apart], b[~apart]))
         step += 1
@@ -120,8 +122,10 @@ class Sensor:
                 rng.standard_normal(2),
                 rng.standard_normal((vehicle.max(initial=0) + 1, 2)),
             )
+            # So that the sum over all waves, common and own, has the deviation `distortion`.
             cosine, sine = self.distortion / np.sqrt(2.0 * _WAVES) * (everybody + own)[vehicle].T
             phase = wave @ place
+            # The derivative by the phase: velocities and headings agree with the displaced places.
             slope = sine * np.cos(phase) - cosine * np.sin(phase)
             shift[axis] += cosine * np.cos(phase) + sine * np.sin(phase)
             change[axis] += slope * (wave @ velocity)
@@ -188,6 +192,7 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> VehicleMotion
     starts, ends = starts[long], ends[long]
     vehicle, h = fronts.vehicle[starts], fronts.h[starts]
     length = np.array(lengths)[vehicle]
+    # Both axles are equally far from the centre.
     tracks = [
         _axle(fronts, *which, rate)
         for which in zip(
@@ -216,12 +221,16 @@ def _axle(
     )
     h = fronts.h[start]
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(front, axis=0).T)))
+    # Interpolation needs a growing way: a standing vehicle repeats its place.
     known = np.append(True, np.diff(way) > 0.0)
+    # Before its first row a vehicle is taken to have come straight on, so that its axle has a
+    # place.
     path = np.concatenate(([front[0] - behind * np.array([np.cos(h), np.sin(h)])], front[known]))
     passed = np.append(-behind, way[known])
     axle = np.stack(
         [_smooth(np.interp(way - behind, passed, coordinate)) for coordinate in path.T], axis=1
     )
+    # Frames within the track: the first one rounded up, the last one down.
     frame = np.arange(-(-step[0] * rate // STEPS), step[-1] * rate // STEPS + 1)
     return frame, CubicSpline(step / STEPS, axle)(frame / rate)
 
@@ -250,6 +259,7 @@ def _headings(
     """
     ahead_x, ahead_y = np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1])
     direction, way = np.arctan2(ahead_y, ahead_x), np.hypot(ahead_x, ahead_y)
+    # The longest first: tracks that have a step are the first ones.
     order = np.argsort(-counts, kind="stable")
     starts, distance = (np.cumsum(counts) - counts)[order], distance[order]
     headings = np.empty(len(x))
@@ -308,6 +318,7 @@ def simulate(
     """
     with TemporaryDirectory(prefix="xosc-recorder-") as folder:
         write_routes(departing, net, Path(folder) / "routes.xml")
+        # No vehicle is removed from a queue or after a collision: such traffic is drawn anew.
         arguments = [
             str(sumo_home() / "bin" / "sumo"), f"--net-file={net.path}", "--route-files=routes.xml",
             "--fcd-output=fronts.parquet", "--fcd-output.attributes=id,x,y,angle",
@@ -342,4 +353,5 @@ def _read(path: Path) -> Fronts:
     step = np.round(table["timestep_time"].to_numpy() * STEPS).astype(np.int64)
     order = np.lexsort((step, vehicle))
     x, y, angle = (table[f"vehicle_{name}"].to_numpy()[order] for name in ("x", "y", "angle"))
+    # SUMO's angles are clockwise from north, degrees.
     return Fronts(vehicle[order], step[order], x, y, np.radians(90.0 - angle))

@@ -246,6 +246,7 @@ def family(seed: int, count: int) -> dict[str, SimulatedSite]:
     found = {}
     for number in range(count):
         kind, build = kinds[number % len(kinds)]
+        # A generator for each site: a greater count does not change the first ones.
         rng = np.random.default_rng((seed, number))
         name = f"{kind}_{seed:02d}_{number:03d}"
         found[name] = replace(build(name, rng), sensor=_sensor(rng))
@@ -448,6 +449,7 @@ def _kerbside(name: str, rng: Draw) -> SimulatedSite:
 
 def _roundabout(name: str, rng: Draw) -> SimulatedSite:
     arms, lanes = int(rng.integers(3, 7)), int(rng.integers(1, 3))
+    # More arms need a larger ring.
     build = partial(
         roundabout, arms=arms, lanes=lanes, lane_width=float(rng.uniform(3.4, 4.8)),
         radius=float(rng.uniform(10.0 + 2.5 * arms, 34.0)),

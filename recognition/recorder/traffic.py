@@ -152,6 +152,7 @@ def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
         "maxSpeed": kind.top.draw(rng),
         "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),
     }  # fmt: skip
+    # The speed factor has been drawn: SUMO must not vary it once more.
     fixed = {"vClass": kind.vehicle_class, "carFollowModel": "EIDM", "speedDev": "0"}
     return Vehicle(
         kind, length, width, fixed | {name: f"{value:.3f}" for name, value in drawn.items()}
@@ -211,6 +212,7 @@ def departures(
     time."""
     found = []
     for flow in flows:
+        # Given their number, the times of a Poisson process are uniform.
         times = np.sort(rng.uniform(0.0, end, rng.poisson(flow.rate * end / 3600.0)))
         found += [
             Departure(float(time), vehicle(fleet, rng), flow.start, flow.end) for time in times
@@ -236,6 +238,7 @@ def write_routes(departing: Sequence[Departure], net: SumoNet, path: Path) -> No
     for number, departure in enumerate(departing):
         etree.SubElement(root, "vType", departure.vehicle.type, id=f"type.{number}")
     for number, departure in enumerate(departing):
+        # Lorries begin in the rightmost lane that they may use, SUMO's first.
         trip = etree.SubElement(
             root, "trip", {"from": _edge(net, departure.start, first=True),
                 "to": _edge(net, departure.end, first=False)},
@@ -259,6 +262,7 @@ def _stand(trip: etree._Element, net: SumoNet, stand: Stand) -> None:
 
 def _edge(net: SumoNet, lane: Lane, first: bool) -> str:
     """SUMO edge of a lane's carriageway where traffic enters the road (`first`) or leaves it."""
+    # Lanes with negative ids lead along +s, those with positive ids against it.
     return _sumo_lane(net, lane, 0.0 if first == (lane[1] < 0) else math.inf).rpartition("_")[0]
 
 
