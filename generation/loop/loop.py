@@ -82,6 +82,8 @@ def _looped(
     report: Report,
     earlier: Earlier | None,
 ) -> LoopResult:
+    # Another system, even one with the same name, finds other failures: its code counts as a
+    # setting.
     stages = FinishedStages(
         out, settings.deciding() | {"code of the system": plugged_in(settings.run)}, report
     )
@@ -208,6 +210,7 @@ class _Loop:
             for row in chosen(rows_of(self._out / CATALOGUE), self._settings.shown)
             for path in [self._out / CATALOGUE / row["file"]]
         ]
+        # No system takes over the ego: what is shown is what was recorded.
         as_recorded = replace(self._settings.run, sut=None)
         folder = self._out / "played"
         return self._once(
@@ -268,6 +271,7 @@ class _Loop:
         works: dict[str, Callable[[], Searched]] = {
             target.name: partial(self._search, number, target) for target in targets
         }
+        # A single search uses all processes for its own runs.
         if self._settings.processes > 1 and len(left) > 1:
             begun = {
                 target.name: searchers.begin(target, number, self._known(target)) for target in left
@@ -312,6 +316,7 @@ class _Loop:
     def _await(self, target: SearchTarget, result: Callable[[], Searched]) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
             found = result()
+            # Runs in another process are not reported one by one.
             advance(self._settings.budget)
             return found
 
@@ -333,6 +338,7 @@ class _Loop:
 
     def _label(self, folder: Path) -> RecognisedRun:
         """The classes that are recognised about the ego in each run; by the run's name."""
+        # The model that knows the classes discovered in the recordings, where there is one.
         grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
         loop_runs.catalogue(

@@ -222,6 +222,7 @@ class FinishedStages:
         self._out, self._folder, self._report, self._tell = out, out / _FOLDER, report, tell
         path = out / _SETTINGS
         check_settings(path, settings, "a loop")
+        # The lock is there before the loop begins.
         if not path.exists() and out.is_dir() and any(path.name != LOCK for path in out.iterdir()):
             raise UsageError(
                 "there is something else in this folder: a loop needs one of its own", path=out
@@ -266,6 +267,7 @@ class FinishedStages:
         elif before["of"] != of:
             _remove(made)
         path = self._path(stage)
+        # Begun: after an interruption this tells what the leftovers are made of.
         _write(path, of, None, {})
         begun = time.monotonic()
         found = work()
@@ -301,7 +303,7 @@ class FinishedStages:
         )
 
     def _changed(self, files: Mapping[str, str], editable: bool) -> list[str]:
-        """Names of the files that are not as they were made."""
+        """Names of changed or missing files."""
         found = ((name, _digest(self._out / name)) for name in files)
         return [
             name
@@ -342,6 +344,7 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     found = [
         _finding(path, Searched, record) for path, record in left if record["found"] is not None
     ]
+    # By number: among file names, round 10 comes before round 2.
     return str(read_object(path).get("sut", "")), sorted(found, key=lambda pair: pair.round)
 
 
@@ -427,6 +430,7 @@ def _value(kind: Any, value: Any) -> Any:
         hints = get_type_hints(kind)
         given = _expect(dict, value)
         known = {field.name for field in fields(kind)}
+        # Unknown names are passed on, so that the class refuses them.
         return kind(
             **{
                 name: _value(hints[name], item) if name in known else item

@@ -62,6 +62,7 @@ def failures(space: Space, episodes: Episodes, before: FloatArray | None = None)
     Args:
         before: failures (m, d) that were known already.
     """
+    # `diverse` keeps the first of those that are alike: the one with the greatest reward.
     order = np.argsort(-episodes.rewards, kind="stable")
     collided = order[episodes.outcomes.collision[order]]
     distinct = collided[diverse(space.unit(episodes.theta[collided]), _ALIKE)]
@@ -412,7 +413,7 @@ def _compared(
 def _unknown(
     earlier: Earlier, target: str, title: str, reason: str, blind: bool = False
 ) -> Compared:
-    """A target whose failures of before nothing is known of."""
+    """Return a target without knowledge of its earlier failures."""
     found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
     failures = [
         KnownFailure(_texts(case), Fate.UNKNOWN)
