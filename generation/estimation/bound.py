@@ -131,6 +131,7 @@ def draws_until(
         theta = prior.sample(min(_BLOCK, needed - draws), generator)
         outcomes = plays(theta)
         failed: BoolArray = outcomes.executed & outcomes.collision
+        # Draws without a verdict say nothing, and do not count.
         draws, failing = draws + int(outcomes.executed.sum()), failing + int(failed.sum())
         rows = np.flatnonzero(failed)
         if len(known) and rows.size:
