@@ -444,6 +444,7 @@ def _bounded(declaration: Node, scope: ParameterScope) -> bool:
     if scope.own[declaration.get("name")].type != "double":
         return False
     groups = declaration.children("ConstraintGroup")
+    # By the first letters of less… and greater…: equalTo and notEqualTo limit nothing.
     return bool(groups) and all(
         {"l", "g"} <= {constraint.get("rule")[0] for constraint in group.children()}
         for group in groups
@@ -461,6 +462,7 @@ def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
     low, high = -np.inf, np.inf
     for constraint in groups[0].children():
         rule, value = constraint.get("rule"), float(scope.literal(constraint.get("value")))
+        # The box is closed: a strict limit is the least step of values in files away.
         if rule in ("greaterOrEqual", "greaterThan"):
             low = max(low, value + (_STEP if rule == "greaterThan" else 0.0))
         elif rule in ("lessOrEqual", "lessThan"):
@@ -492,6 +494,7 @@ def distinctive(space: Space) -> BoolArray:
 
 def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
     """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d)."""
+    # A root-mean-square distance is the Euclidean one over √d.
     found, reach = np.ones(len(unit), bool), least * np.sqrt(unit.shape[1])
     for start in range(0, len(others), _BLOCK):
         found &= (cdist(unit, others[start : start + _BLOCK]) >= reach).all(axis=1)

@@ -116,6 +116,7 @@ class Continuous:
     def log_density(self, values: FloatArray) -> FloatArray:
         """log p of values (n,)."""
         inside = (values >= self.low) & (values <= self.high)
+        # Cut to a range, the density has to integrate to 1 again.
         share = self.of.cdf(self.high) - self.of.cdf(self.low)
         return np.where(inside, self.of.logpdf(values) - np.log(share), -np.inf)
 

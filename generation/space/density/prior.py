@@ -26,8 +26,7 @@ _Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
 
 
 def _once(work: _Work[_Found]) -> _Work[_Found]:
-    """The same model of the same rows is asked for by every round of a loop and by the tables of a
-    report: work it out once."""
+    """Cache the model of the same rows, for the rounds of a loop and the tables of a report."""
     results: dict[Hashable, _Found] = {}
 
     @wraps(work)
@@ -502,6 +501,7 @@ class RecordedPrior(Prior):
 
     @cached_property
     def _spread(self) -> FloatArray:
+        # A parameter that is the same in all units has no spread to divide by.
         return np.maximum(self._log_rows[:, : len(self.searched)].std(axis=0), np.finfo(float).eps)
 
     def with_nuisances(self, theta: FloatArray) -> FloatArray:

@@ -263,7 +263,10 @@ class EncounterScenario:
             )
             for name, entries in choices.items()
         ]
+        # From the start of slowing down to the conflict point: the slowing, then the way at
+        # constant speed.
         slowing = f"$Ego_SlowingTime_s + {self.meeting.ego} / $Ego_JunctionSpeed_mps"
+        # So late that the other one, too, begins within its arm (s ≥ 0).
         start = (
             f"max({_LEAST}, {self.meeting.other} / ${other}_Speed_mps - ${other}_ArrivalGap_s - "
             f"({slowing}))"

@@ -480,10 +480,13 @@ class AheadUnits(PairUnits):
             for actor, begin in zip((first, second), begins, strict=True)
         ]
         speeds = [values[declared_name(actor, "start_speed")] for actor in (first, second)]
+        # At the scene's start: the parameter is the gap when the first manoeuvre begins.
         gap = values[declared_name(second, "gap")] - (speeds[1] - speeds[0]) * LEAD_IN
+        # From then on both are in one lane, where they can overlap.
         together = np.maximum(
             *(begin + _CROSSED * (end - begin) for begin, end in zip(begins, ends, strict=True))
         )
+        # A second one that keeps its lane is in it from the start.
         if not self.second.change:
             together = begins[0] + _CROSSED * (ends[0] - begins[0])
         kept = np.all((gap[:, None] + ways[1] - ways[0] > 0.0) | (time < together[:, None]), axis=1)
@@ -579,4 +582,5 @@ def _way(
         + change * (speeds[1] - speeds[0])[:, None]
         + settle * (speeds[2] - speeds[1])[:, None]
     )
+    # Trapezoidal rule: the sum counts the first and the last speed in full.
     return np.cumsum(speed, axis=1) * _STEP - 0.5 * _STEP * (speed + speed[:, :1])

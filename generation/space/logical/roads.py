@@ -172,6 +172,7 @@ def meeting(network: RoadNetwork, ego: Course, other: Course | Crossing) -> Meet
     near = np.flatnonzero(apart.min(axis=1) < _SAME)
     if not len(near):
         raise UsageError(f"the ways {ego} and {other} do not meet")
+    # The nearest point of the first approach: ways may come close again later.
     row = int(near[0] + apart[near[0] : near[0] + round(2 * _SAME / _STEP)].min(axis=1).argmin())
     x, y = mine[row].tolist()
     along = 0.0 if isinstance(other, Crossing) else _STEP * float(apart[row].argmin())

@@ -95,6 +95,7 @@ def cached(name: str, key: bytes, fit: Callable[[], list[Density]]) -> list[Dens
     kind = type(model(name))
     if kind.restore is Density.restore:
         return fit()
+    # Models that other code has fitted are not taken for these.
     code = b"".join(
         Path(str(import_module(part).__file__)).read_bytes()
         for part in (kind.__module__, Density.__module__)

@@ -97,6 +97,7 @@ class _RealNVP(nn.Module):
         total = white.new_zeros(len(white))
         for kept, scale, shift in self._changes(white := white.clone()):
             white[:, ~kept] = white[:, ~kept] * scale.exp() + shift
+            # Couplings are triangular: the logarithm of the Jacobian is the sum of the scales.
             total = total + scale.sum(dim=1)
         return total - 0.5 * white.square().sum(dim=1) - 0.5 * white.shape[1] * np.log(2.0 * np.pi)
 
