@@ -511,7 +511,7 @@ def _fits(track: Track) -> bool:
 
 
 def _headings(rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]) -> Check | None:
-    """Vehicles that go backwards all the time have headings of another convention."""
+    """Compare headings with motion: vehicles in reverse throughout have another convention."""
     moving = (seconds.way >= _FACING) & np.array(
         [track.kind == "vehicle" for track in tracks], bool
     )[rows.track[seconds.here]]

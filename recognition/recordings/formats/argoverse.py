@@ -215,7 +215,7 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
         sort=True,
     )
     place = np.flatnonzero(kept)
-    # The last track is that of the recording vehicle, which has no boxes.
+    # The last track is that of the recording vehicle: its rows are poses, no boxes.
     firsts = [int(place[row]) for row in rows.heads[:-1]]
     who = [
         *(

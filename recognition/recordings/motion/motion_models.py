@@ -133,7 +133,7 @@ _FIRM = (0.1, 0.1, 0.1, 0.01)
 """Excess of speed (m/s), acceleration along and across (m/s²) and yaw rate (rad/s) that weighs as
 one deviation of noise."""
 _FIRM_JERK = 0.05
-"""Excess of jerk (m/s³) that does."""
+"""Excess of jerk (m/s³) that weighs as one deviation of noise."""
 
 
 def smooth_vehicles(rows: Rows, seen: Observations) -> FloatArray:

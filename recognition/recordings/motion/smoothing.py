@@ -356,8 +356,8 @@ def _tell_hard(
     acceleration: FloatArray,
     bounds: Bounds,
 ) -> None:
-    """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be
-    wrong there."""
+    """Report vehicles that accelerate or brake at the limit, with the first time: their tracks may
+    be wrong there."""
     hard = (acceleration > _HARD * bounds.acceleration) | (acceleration < -_HARD * bounds.braking)
     # `reduceat` fails on no rows.
     counts = (

@@ -65,8 +65,8 @@ class AttentionBlock(nn.Module):
     def forward(
         self, tokens: Tensor, there: Tensor | None = None, count: int | None = None
     ) -> Tensor:
-        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the
-        first `count` frames."""
+        """Return tokens of the first `count` frames after attention to all present ones (n, frames,
+        places)."""
         seen, wanted = None if there is None else there.flatten(1), tokens[:, :count]
         attended = self.attention(tokens.flatten(1, 2), seen, wanted.shape[1] * wanted.shape[2])
         tokens = wanted + attended.view_as(wanted)
@@ -92,7 +92,7 @@ class Encoder(nn.Module):
         self.head: nn.Linear | None = None
 
     def set_classes(self, classes: Sequence[int]) -> None:
-        """Give it a new, untrained class head for labels, ascending; none for none."""
+        """Set a new, untrained class head for labels, ascending; no labels leave the head."""
         self.classes = tuple(classes)
         if classes:
             self.head = nn.Linear(
@@ -211,7 +211,7 @@ class TokenEncoder(Encoder):
         )
 
     def _without_some(self, values: Tensor) -> Tensor:
-        """A share of the others is not there."""
+        """Remove a share of the others."""
         missed = torch.rand(values.shape[:2], device=values.device) < _MISSED
         # Never the ego, which the window is about.
         missed[:, 0] = False

@@ -120,7 +120,7 @@ class Labelled(NamedTuple):
     labels: IntArray
 
     def recognised_by(self, config: Config) -> Labelled:
-        """The same with the features alone by which samples are recognised."""
+        """Return the samples with the features for recognition only."""
         return self._replace(features=config.recognising(self.features))
 
     def joined(self, other: Labelled) -> Labelled:
@@ -286,6 +286,7 @@ def _similarity(
     chosen = drawn_of_each(labels, _REFERENCE, np.random.default_rng(config.seed))
     both = np.concatenate([features, own[chosen]])
     coordinates = axes.project(config.clustering_parts(both))
+    # Both under one forest: similarities of different forests can't be compared.
     similar = steps.similarity(config.recognising(both), coordinates, known.forest, config)
     split = len(features)
     return similar[:split, :split], known_cohesion(similar[split:, split:], labels[chosen])

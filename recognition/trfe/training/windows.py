@@ -543,7 +543,7 @@ def _moments(
 
 
 def _thinned(found: Sequence[TrainingMoment], most: int | None) -> list[TrainingMoment]:
-    """Drawn moments, at most a number of each class, in their order."""
+    """Draw moments, at most a number of each class; in their order."""
     labels = np.array([one.label for one in found], np.int64)
     return [
         found[number]
