@@ -123,6 +123,7 @@ def xqar(results: Results) -> str:
         etree.SubElement(bundle, "Param", {"name": "InputFile", "value": xml_text(str(path))})
         standards = {problem.rule.split(":")[1] for problem in problems}
         standard = min(standards, default=_STANDARDS.get(path.suffix.lower(), "xosc"))
+        # Numbered over the whole bundle, by object: two problems may be equal.
         numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
         for uid, description in _rules(standard):
             _xqar_checker(
@@ -200,6 +201,7 @@ def sarif(results: Results) -> str:
 
 def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
     path = Path(problem.path)
+    # Relative paths stay relative, as code hosts look them up in the repository.
     uri = path.as_uri() if path.is_absolute() else quote(path.as_posix(), errors="replace")
     location: dict[str, Any] = {"physicalLocation": {"artifactLocation": {"uri": uri}}}
     if problem.line is not None:

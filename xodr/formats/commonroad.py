@@ -227,6 +227,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         "timeStepSize": "0.1", "commonRoadVersion": "2020a", "author": "xosc-toolchain",
         "affiliation": "xosc-toolchain",
         "source": lane_map.name,
+        # ZAM is CommonRoad's country of made-up places.
         "benchmarkID": f"ZAM_{re.sub('[^A-Za-z0-9]', '', lane_map.name.title()) or 'Map'}-1",
         "date": "2020-01-01",
     }  # fmt: skip
@@ -236,6 +237,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     ids = {name: str(number) for number, name in enumerate(lane_map.lanes, 1)}
     limits = sorted({lane.limit for lane in lane_map.lanes.values() if lane.limit is not None})
     signs = {limit: str(len(ids) + number) for number, limit in enumerate(limits, 1)}
+    # Ids are unique in the whole file, whatever they are of.
     lights = [signal for signal in lane_map.signals if signal.kind == "light"]
     numbers = {
         id(signal): str(len(ids) + len(signs) + number) for number, signal in enumerate(lights, 1)
@@ -301,6 +303,7 @@ def _standing(number: str, lane: MapLane, ids: dict[str, str]) -> etree._Element
 
 def _location(lane_map: LaneMap) -> etree._Element:
     location, projector = etree.Element("location"), Projector.of(lane_map)
+    # 999 is CommonRoad's number for an unknown place.
     latitude, longitude = "999", "999"
     if projector is not None:
         east, north, _ = projector.to_geodetic(np.zeros((1, 3)))
@@ -331,6 +334,7 @@ def _lanelet_element(
 ) -> etree._Element:
     element = etree.Element("lanelet", id=ids[lane.id])
     sides = lane.left, lane.right
+    # CommonRoad wants as many points on the left as on the right.
     if len(lane.left) != len(lane.right):
         count = 2 * max(len(lane.left), len(lane.right))
         sides = resampled(lane.left, count), resampled(lane.right, count)
@@ -398,9 +402,11 @@ def read(path: Path) -> LaneMap:
     everything = lanelets(root)
     if not everything:
         raise invalid(root, "there is no lanelet")
+    # Crosswalks are lanelets here; in a map of these alone they are its lanes.
     found = [one for one in everything if _CROSSWALK not in one.types] or everything
     elements = {element.get("id") or "": element for element in root.iterchildren("lanelet")}
     lanes = {one.id: _map_lane(one, elements[one.id]) for one in found}
+    # Files may declare a link on one side only.
     for one in found:
         for before in one.predecessors:
             if before in lanes and one.id not in lanes[before].successors:

@@ -67,6 +67,7 @@ def _features(
             "in_junction": lane.in_junction, "successors": lane.successors,
             "left": lane.beside[0], "right": lane.beside[1],
         }  # fmt: skip
+        # Counterclockwise and closed, as GeoJSON wants outer rings (RFC 7946, 3.1.6).
         ring = [*right, *left[::-1], right[0]]
         yield _feature("Polygon", [ring], about)
         for side, line, (mark, color, width) in zip(

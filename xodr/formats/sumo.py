@@ -75,6 +75,7 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
             f"widths or cross slopes of {bordered} lanes change: SUMO has their mean width, their"
             f" parameters {_SIDES[0]} and {_SIDES[1]} have their borders"
         )
+    # The dock is for runs only; its nodes and inner edges have its name, too.
     for element in [element for element in root if DOCK in (element.get("id", ""),
         element.get("from", ""), element.get("to", ""))
                     or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
@@ -183,6 +184,7 @@ def _borders(
         inside = section_stations(road, section, _CHORD_ERROR, _SPACING)
         along = np.array([low, *inside[(inside > low) & (inside < high)].tolist(), high])
         ours = sides(road, lane, along, track.end > track.start)
+        # Only the first way is kept: its borders have to be one line.
         if len(left) and math.dist(left[-1], ours[0][0]) > _APART:
             break
         left, right = np.vstack([left, ours[0]]), np.vstack([right, ours[1]])
@@ -192,6 +194,7 @@ def _borders(
         shapely.LineString(centre[:, :2]), shapely.points(line[[0, -1], :2])
     )
     low, high = spots.tolist()
+    # Both ends of the shape lie at one place of the borders: nothing to cut them to.
     if high - low < _SAME_WIDTH:
         return left, right
     places = np.array([low, *along[(along > low) & (along < high)].tolist(), high])
@@ -225,6 +228,7 @@ def read(path: Path) -> LaneMap:
             continue
         row = sorted(edge.iterchildren("lane"), key=lambda lane: _number(lane, "index", 0.0, path))
         made = [_lane(lane, edge, path) for lane in row]
+        # Inner lanes of one edge may cross each other, so none lies beside another.
         internal = edge.get("function") == "internal"
         if not internal:
             _lean(made, -1 if left_hand else 1)
@@ -267,6 +271,7 @@ def read(path: Path) -> LaneMap:
 def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:
     line = _points(lane, "shape", path)
     line = (
+        # Points that repeat give no direction.
         line[np.append(True, np.hypot(*np.diff(line[:, :2], axis=0).T) > 1e-4)]
         if len(line)
         else line
@@ -298,6 +303,7 @@ def _take_borders(made: MapLane, lane: etree._Element, path: Path) -> bool | Non
     if away.max() > _MOVED:
         return False
     made.left, made.right = left, right
+    # Cached properties of the old borders.
     made.__dict__.pop("centre", None)
     made.__dict__.pop("length", None)
     return True
@@ -362,6 +368,7 @@ def _lean(row: list[MapLane], leftwards: int) -> None:
         leftwards: 1 where the index grows to the left, -1 where to the right.
     """
     centres = [lane.centre for lane in row]
+    # A flat row has no slope, and one lane alone shows none.
     if len(row) < 2 or not any(line[:, 2].any() for line in centres):
         return
     halves = [float(np.hypot(*(lane.left - lane.right)[0, :2])) / 2 for lane in row]
@@ -382,6 +389,7 @@ def _type(lane: etree._Element, edge: etree._Element) -> str:
     named = lane.get("type") or edge.get("type") or ""
     if named in LANE_TYPES or named == "none":
         return named
+    # A lane for everything has no list.
     allowed = (lane.get("allow") or "").split()
     if allowed and "passenger" not in allowed:
         return next((_TYPES[user] for user in allowed if user in _TYPES), "restricted")
@@ -419,4 +427,5 @@ def _location(
         return None, (0.0, 0.0, 0.0, 0.0)
     found = _points(location, "netOffset", path)
     x, y = found[0, :2].tolist() if len(found) else (0.0, 0.0)
+    # `0.0 - x` never gives -0.0, as `-x` does; SUMO's offset has the other sign.
     return projection, (0.0 - x, 0.0 - y, 0.0, 0.0)

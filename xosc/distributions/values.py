@@ -73,6 +73,7 @@ def weights(values: list[float]) -> None:
         finite("weight", value)
         if value < 0:
             raise UsageError(f"weight={value:g} must not be negative")
+    # Below, division by the sum overflows.
     if not 1e-300 < sum(values) < math.inf:
         raise UsageError("at least one weight must be positive, and their sum finite")
 
@@ -84,6 +85,7 @@ def text(value: float | Decimal) -> str:
     if not number:
         return "0"
     number = number.normalize()
+    # Up to a dozen places as digits; beyond, an exponent is shorter.
     return format(number, "f") if -12 < number.adjusted() < 18 else str(number)
 
 

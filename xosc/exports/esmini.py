@@ -118,6 +118,7 @@ def export(
         InvalidFile, UsageError: a file can't be read, or not be written.
     """
     document, draft = load(source, strict=settings.strict), Draft(folder, settings)
+    # The rules are about scenarios; an entry of a catalogue is checked where it is used.
     if document.kind == "catalog":
         draft.note(*document.remarks)
         draft.add(
@@ -129,6 +130,7 @@ def export(
     if document.kind == "scenario":
         _check(document, draft)
         return scenario(document, version, draft)
+    # A distribution plays its scenario, which is what esmini has to read.
     _check(load(ParameterSpace(source).scenario, strict=settings.strict), draft)
     if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
         return distribution(document, version, draft)

@@ -43,6 +43,7 @@ def declarations_are_unique(document: CheckedDocument) -> Iterator[Finding]:
         for element in declarations.iterchildren(etree.Element):
             name = element.get("name") or ""
             earlier = first.setdefault(name, element)
+            # Files repeat declarations; two that say the same leave nothing open.
             if canonical(earlier) != canonical(element):
                 yield Finding(
                     element,
@@ -68,6 +69,7 @@ def definitions_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
 
 def _parameters_in(document: CheckedDocument, declaration: etree._Element) -> list[etree._Element]:
     try:
+        # Broken expressions are for the rules on values.
         names = references(declaration.get("value") or "")
     except ExpressionError:
         return []
@@ -86,6 +88,7 @@ def parameter_reference_is_declared(document: CheckedDocument) -> Iterator[Findi
             name = document.value(element, "parameterRef")
             if (
                 name is not None
+                # Files of version 1.0 write the name with a `$` (see `_used`).
                 and document.declaration(document.root, name.removeprefix("$")) is None
             ):
                 yield Finding(

@@ -116,6 +116,7 @@ def tags_of(scenario: str | PathLike[str]) -> list[Tag]:
     """
     path = Path(scenario)
     beside = path.with_name(f"{path.stem}.openlabel.json")
+    # The file says more: properties are texts without an ontology.
     if beside.is_file():
         return read(beside)
     tags = {
@@ -147,6 +148,7 @@ def annotated(document: Document, tags: Sequence[Tag]) -> Document:
             f"OpenSCENARIO {version} has no Properties in the FileHeader; versions from 1.2 on do",
             path=document.path,
         )
+    # Documents are shared, so only the copy is changed.
     root = copy.deepcopy(document.root)
     header = root.find("FileHeader")
     if header is None:
@@ -171,6 +173,7 @@ def _sorted(tags: Sequence[Tag]) -> list[Tag]:
     Raises:
         UsageError: a type is there twice.
     """
+    # Sorted, so that the same tags give the same file.
     ordered = sorted(tags, key=lambda tag: (tag.ontology, tag.type))
     types = [tag.type for tag in ordered]
     twice = next((name for name in types if types.count(name) > 1), None)

@@ -74,6 +74,7 @@ def _connections(root: etree._Element) -> Iterator[tuple[str, str, str]]:
         source, target = (
             f"{connection.get(end)}_{connection.get(f'{end}Lane')}" for end in ("from", "to")
         )
+        # Inner lanes are passed on the way over their connection.
         if source.startswith(":") or source not in lanes or target not in lanes:
             continue
         kind = next(
@@ -98,11 +99,13 @@ def _open(lane: etree._Element, kind: str) -> bool:
 def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[int, str]]:
     routes = etree.Element("routes")
     for kind in sorted({kind for _, _, kind in wanted}):
+        # Drivers without chance, so that each run gives the same answer.
         etree.SubElement(routes, "vType", id=kind, vClass=kind, sigma="0", speedDev="0")
     for number, (source, target, kind) in enumerate(wanted):
         (start, lane), (end, _) = source.rsplit("_", 1), target.rsplit("_", 1)
         vehicle = etree.SubElement(
             routes, "vehicle", id=str(number), type=kind, depart=f"{number * _GAP:g}",
+            # At the end of the lane: a long road would take the time for the test.
             departLane=lane, departPos="last",
             departSpeed="0", arrivalPos="max",
         )  # fmt: skip
@@ -113,6 +116,8 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
         command = [
             str(program), "-n", str(net.resolve()), "-r", "r.rou.xml", "--tripinfo-output",
             "trips.xml", "--no-step-log",
+            # A vehicle that is stuck must not be moved on, nor removed by a collision, or it would
+            # seem to arrive.
             "--ignore-route-errors", "--time-to-teleport", "-1", "--collision.action", "none",
             "--tls.all-off",
             "--end", f"{len(wanted) * _GAP + _LONGEST:g}", "--max-depart-delay", f"{_LONGEST:g}",
@@ -138,9 +143,11 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
             )
         trips = folder / "trips.xml"
         ended = parse(trips).getroot().iter("tripinfo")
+        # Vaporized vehicles are in the list of trips, too.
         arrived = {int(trip.get("id", "-1")) for trip in ended if not trip.get("vaporized")}
     warned: dict[int, str] = {}
     for line in text.splitlines():
+        # Warnings name vehicles in quotes; lanes and edges are not decimal, or beyond the count.
         for part in line.split("'")[1::2]:
             if part.isdecimal() and int(part) < len(wanted):
                 warned.setdefault(int(part), line.removeprefix("Warning: ").strip())
