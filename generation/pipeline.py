@@ -258,7 +258,7 @@ def generate(
     """
     clock = SearchClock(settings.minutes) if clock is None else clock
     search = method(settings.method)  # refuse an unknown name before recordings are read
-    judges_of(settings.judges)
+    judges_of(settings.judges, settings.domain)
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
@@ -354,7 +354,7 @@ class _Work:
         self._gate = _gate(asked, self.unseen, out, self._plays, timed, clock)
         self._screen, self._measured = timed, timed.played if timed is not None else 0
         judges = clock.limited(counted_drivers(self._drivers, progress))
-        self._judges = judges_of(settings.judges)
+        self._judges = judges_of(settings.judges, settings.domain)
         self._judging = None if timed is not None else Judging(space, judges, self._judges)
         self.course = _Course(
             counted(self._runs, progress),
@@ -726,7 +726,9 @@ def _estimate(
     assert problem.prior is not None
     known = Known(episodes.theta, episodes.outcomes.collision)
     chosen = EstimateSettings(
-        min(RUNS, settings.budget), settings.seed, judges=judges_of(settings.judges)
+        min(RUNS, settings.budget),
+        settings.seed,
+        judges=judges_of(settings.judges, settings.domain),
     )
     found = estimate(problem.prior, run, drivers, known, problem.plays, chosen)
     return found._replace(driving=driving(recorded, problem.space, problem.prior))
@@ -769,7 +771,7 @@ def _drivers(
         path = _runs_file(scenario, space, out, own, f"judge_{judge}")
         return Memory(partial(evaluator, sut=judge), path)
 
-    judges = {judge: kept(judge) for judge in judges_of(settings.judges)}
+    judges = {judge: kept(judge) for judge in judges_of(settings.judges, settings.domain)}
     return remembering(
         lambda theta, sut: judges[sut](theta) if sut in judges else evaluator(theta, sut)
     )

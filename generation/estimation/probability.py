@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from generation.space.density.prior import Prior
 from generation.space.density.roles import NUISANCES
@@ -21,6 +22,8 @@ from schemas.common.terminal.text import many
 
 LEAST_EFFECTIVE = 50.0
 """Effective number of failures below which an interval is not to be trusted"""
+_TAIL = 0.025
+"""Share outside of an interval of 95 % on each side"""
 _NORMAL = 1.959964
 """Quantile of the normal distribution that leaves 2.5 % above"""
 
@@ -35,6 +38,8 @@ class Probability(NamedTuple):
         bound: upper limit where no draw fails.
         density: standard deviation of the logarithm that refitted densities of resampled recordings
             add; 0 where there are none.
+        counted_alone: interval by the failing draws of a part alone, where they are few; None where
+            they are not.
     """
 
     value: float
@@ -42,6 +47,7 @@ class Probability(NamedTuple):
     effective: float
     bound: float
     density: float = 0.0
+    counted_alone: tuple[float, float] | None = None
 
     @property
     def spread(self) -> float:
@@ -61,7 +67,12 @@ class Probability(NamedTuple):
         if self.value <= 0.0:
             return 0.0, self.bound
         factor = math.exp(_NORMAL * self.spread)
-        return self.value / factor, min(self.value * factor, 1.0)
+        low, high = self.value / factor, self.value * factor
+        if self.counted_alone is not None:
+            # Plays may be wrong in this part, and few draws of it are run: both have to be inside.
+            least, most = self.counted_alone
+            low, high = min(low, least), max(high, most)
+        return low, min(high, 1.0)
 
     @property
     def stable(self) -> bool:
@@ -180,7 +191,25 @@ class FailingDraws(NamedTuple):
         effective = float(own.sum()) ** 2 / square if square > 0.0 else 0.0
         spread = density_spread(self.ratios[:, within], own[within])
         bound = _rare(self.draws) * self.greatest
-        return Probability(max(value, 0.0), math.sqrt(variance), effective, bound, spread)
+        alone = None
+        if self.control is not None and effective < LEAST_EFFECTIVE:
+            alone = self._counted_alone(own if square > 0.0 else many.weights, effective)
+        return Probability(max(value, 0.0), math.sqrt(variance), effective, bound, spread, alone)
+
+    def _counted_alone(self, weights: FloatArray, effective: float) -> tuple[float, float]:
+        """Interval of 95 % of a part by its failing draws, without plays.
+
+        Exact for a Poisson number of draws of one weight; of several, that of their effective
+        number. M. Fay, E. Feuer, Confidence intervals for directly standardized rates, Statistics
+        in Medicine 16, 1997.
+
+        Args:
+            weights: of the part's failing draws, or of those in plays where none is run.
+        """
+        total = float(weights.sum())
+        each = float(weights @ weights) / total / self.draws if total > 0.0 else 0.0
+        low = gammaincinv(effective, _TAIL) if effective > 0.0 else 0.0
+        return float(low) * each, float(gammaincinv(effective + 1.0, 1.0 - _TAIL)) * each
 
     @property
     def _slope(self) -> float:

@@ -38,8 +38,8 @@ Failing = Annotated[
     typer.Option(
         "--fail-if",
         metavar="LIMIT",
-        help="Search failures by a limit too, as min_ttc<1 (as in xosc-run); with --against, what "
-        "ends with exit code 1: new, still-there (repeatable).",
+        help="Search failures by a limit, as min_ttc<1; with --against: new, still-there "
+        "(repeatable).",
     ),
 ]
 

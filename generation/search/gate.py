@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.special import betaincinv
 
-from generation.search.outcomes import Drivers, Outcomes, survivors
+from generation.search.outcomes import R157, Drivers, Outcomes, survivors
 from generation.space.density.roles import EGO, EGO_SPEED, Role
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError, nearest
@@ -240,7 +240,7 @@ def replay_shares(units: FloatArray, outcomes: Outcomes, drivers: Drivers) -> tu
     return share, Share(int((~survivors(units[colliding], touching)).sum()), share.runs)
 
 
-R157, ROAD = "r157", "road"
+ROAD = "road"
 R157_SPEED = 130.0 / 3.6
 """Greatest speed (m/s) of an automated lane keeping system: UN Regulation 157 with its 01 series of
 amendments"""

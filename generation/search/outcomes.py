@@ -475,8 +475,15 @@ matrix of reference drivers.
 """
 
 
-def judges_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Judges by their names, in the order given; `JUDGES` where there is none.
+R157 = "r157"
+"""Operational domain of systems by UN Regulation 157"""
+REGULATION = (CAREFUL, "r157-reg")
+"""Judges in that domain: the regulation's driver, and its requirement on the system"""
+
+
+def judges_of(names: Sequence[str], domain: Sequence[str] = ()) -> tuple[str, ...]:
+    """Judges by their names, in the order given; without names those of the regulation in the
+    domain `R157`, else `JUDGES`.
 
     Raises:
         UsageError: no reference driver has a name.
@@ -487,7 +494,7 @@ def judges_of(names: Sequence[str]) -> tuple[str, ...]:
             raise UsageError(
                 f"--judge {name!r}: {guess(name, offered)}one of {', '.join(offered)} is expected"
             )
-    return tuple(dict.fromkeys(names)) or JUDGES
+    return tuple(dict.fromkeys(names)) or (REGULATION if R157 in domain else JUDGES)
 
 
 Drivers = Callable[[FloatArray, str], Outcomes]

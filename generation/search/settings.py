@@ -158,8 +158,8 @@ class SearchSettings:
     )
     judges: Sequence[str] = option(
         (),
-        "Driver whose survival makes a failure preventable (repeatable): r157-cc, fsm, aeb, idm, "
-        "rss, r157-reg.  [default: r157-cc, fsm]",
+        "Driver whose survival makes a failure preventable (repeatable): fsm, aeb, idm, rss, ... "
+        "[default: r157-cc, fsm; in --domain r157: r157-cc, r157-reg]",
         "--judge",
         parameter="judge",
         metavar="DRIVER",

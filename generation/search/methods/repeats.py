@@ -59,6 +59,11 @@ class Repeats(NamedTuple):
         """Number of failures that do not fail again."""
         return int((~self.again).sum())
 
+    @property
+    def gone(self) -> int:
+        """Number of failures that fail in none of their repetitions."""
+        return int((~self.again & (self.failing == 0)).sum())
+
     def as_json(self) -> dict[str, Any]:
         """Return the counts as a JSON object, for files."""
         return {

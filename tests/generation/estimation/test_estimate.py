@@ -15,6 +15,7 @@ from generation.estimation.estimate import (
     Stages,
     estimate,
 )
+from generation.estimation.probability import FailingDraws, WeightedRows
 from generation.search.outcomes import Outcomes
 from generation.space.density.marginals import DeclaredPrior, uniform
 from schemas.common.array_types import BoolArray, FloatArray
@@ -216,3 +217,33 @@ def test_planted_regions_have_probabilities_that_add_up_to_that_of_a_failure(pla
             nowhere.bound, whole.interval[1]
         )))  # fmt: skip
     assert min(covered.values()) >= 4
+
+
+@pytest.mark.parametrize(("part", "share"), [(1e-4, 0.1), (3e-5, 0.6), (3e-5, 1.0), (5e-4, 0.3)])
+def test_intervals_of_parts_hold_the_truth_where_plays_fail_too_often(
+    part: float, share: float
+) -> None:
+    """Plant a system of which plays fail in 1 %, rightly but in a part of it: a share fails."""
+    generator, all_plays, truth, repetitions, held = np.random.default_rng(7), 0.01, 0.0, 60, 0
+
+    def drawn(number: int) -> tuple[FloatArray, FloatArray]:
+        wide = generator.random(number) < 0.2
+        theta = np.where(wide, 1.0, all_plays) * generator.random(number)
+        return theta, 1.0 / (0.2 + 0.8 / all_plays * (theta < all_plays))
+
+    for _ in range(repetitions):
+        (theta, weights), (many, others) = drawn(600), drawn(8192)
+        own = theta < all_plays - part * (1.0 - share)
+        played, more = theta < all_plays, many < all_plays
+        failing = FailingDraws(
+            theta[own, None], weights[own], 600, 5.0, np.zeros((0, int(own.sum()))),
+            (
+                WeightedRows(theta[played, None], weights[played], 600),
+                WeightedRows(many[more, None], others[more], 8192),
+            ),
+        )  # fmt: skip
+        whole = failing.part(lambda rows: np.ones(len(rows), bool))
+        found = failing.part(lambda rows: rows[:, 0] >= all_plays - part).within(whole)
+        truth = part * share
+        held += found.interval[0] <= truth <= found.interval[1]
+    assert held >= 0.9 * repetitions

@@ -88,6 +88,8 @@ def test_the_judges_that_are_asked_for_decide() -> None:
     assert len(none) == 0
     three = choose(SPACE, every, judged, drivers, judges=judges_of(["fsm", "r157-cc", "aeb"]))
     assert three.prevented_by() == {"fsm only": 1, "fsm and r157-cc only": 1}
+    assert judges_of([], ["r157"]) == ("r157-cc", "r157-reg")
+    assert judges_of(["fsm"], ["r157"]) == ("fsm",)
     assert judges_of([]) == JUDGES and judges_of(["fsm", "fsm"]) == ("fsm",)
     with pytest.raises(UsageError, match="--judge 'fms': did you mean 'fsm'"):
         judges_of(["fms"])

@@ -51,6 +51,7 @@ def test_repetitions_are_counted_by_failure_and_untested_runs_not_at_all() -> No
     )
     assert str(runs([True] * 3, [])) == "3 failures, repeated with the same seed: all fail again"
     assert str(runs([False] * 3, [])).endswith("--repeat N tells how often each fails")
+    assert found.gone == 0 and runs([True, False, False], [[False] * 3]).gone == 2
     assert found.take(np.array([1])).lost == 1 and Repeats.of(0, lambda seed: 1 / 0, 0, 3).lost == 0
 
 
