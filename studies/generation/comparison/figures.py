@@ -63,7 +63,9 @@ def _learning(study: Study, keys: list[Key]) -> Figure:
         found = [curves(study.history(key)) for key in keys if key.method == name]
         place = list(METHODS).index(name)
         for figure, axes in panels.items():
-            mean = np.mean([one[figure] for one in found], axis=0)
+            # A saturated search ends before its budget: the line has the calls of all seeds.
+            calls = min(len(one[figure]) for one in found)
+            mean = np.mean([one[figure][:calls] for one in found], axis=0)
             style = (
                 {"linewidth": 3.0, "color": GENERATED, "zorder": 5}
                 if name == "mcsg"
