@@ -59,6 +59,10 @@ REACH = 8.0
 """Length of line from which a direction is taken, m."""
 _BEYOND = 40.0
 _SAME = 1e-3
+_WINDING = 1.5 * math.pi
+"""Change of heading (rad) from which on a line is taken to wind."""
+_SAME_CROSSING = 0.5
+"""Difference of offsets (m) up to which turns cross a frame at one place."""
 _FEWEST, _MOST = 8, 4000
 """Fewest and most stretches that a line is cut into."""
 _AT_ONCE = 2_000_000
@@ -175,6 +179,8 @@ def crossing(line: Points, frame: CrossLine) -> tuple[float, float]:
 def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
     """The part of a line between two frames that it crosses."""
     s0, s1 = crossing(line, start)[0], crossing(line, end)[0]
+    if winds(line):  # each turn crosses both frames at the same place
+        s0, s1 = (_outermost(line, frame, at) for frame, at in ((start, 0), (end, -1)))
     # Frames that cross each other upon the line would leave no part of it.
     if s1 <= s0:
         s1 = s0 + _SAME
@@ -183,26 +189,73 @@ def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
     return points_at(line, np.concatenate([[s0], inner, [s1]]))
 
 
-def across(points: Points, tangents: Points, line: Points) -> FloatArray:
+def headings(line: Points) -> FloatArray:
+    """Directions of the stretches of a line, (n - 1,), rad, without jumps by a full turn.
+
+    Taken from points at equal distances: where surveyed pieces meet there are short stretches back.
+    """
+    along = lengths(line)
+    even = resampled(line, places(along[-1], 1.0))
+    steps = np.diff(even, axis=0)
+    turned = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    middles = (np.arange(len(turned)) + 0.5) * along[-1] / len(turned)
+    return np.asarray(np.interp(0.5 * (along[:-1] + along[1:]), middles, turned))
+
+
+def winds(line: Points) -> bool:
+    """Whether a line turns about so far that it may pass a place, or its own ends, again."""
+    return bool(np.ptp(headings(line)) > _WINDING)
+
+
+def _outermost(line: Points, frame: CrossLine, at: int) -> float:
+    """The arc length (m) of the first (0) or last (-1) of the crossings of a frame that lie no
+    farther from its origin than the nearest one."""
+    ahead, aside = frame.local(line).T
+    steps = np.flatnonzero((ahead[:-1] <= 0.0) & (ahead[1:] > 0.0))
+    if not len(steps):
+        return crossing(line, frame)[0]
+    share = ahead[steps] / (ahead[steps] - ahead[steps + 1])
+    places = np.abs(aside[steps] + share * (aside[steps + 1] - aside[steps]))
+    chosen = np.flatnonzero(places <= places.min() + _SAME_CROSSING)[at]
+    along = lengths(line)
+    step = steps[chosen]
+    return float(along[step] + share[chosen] * (along[step + 1] - along[step]))
+
+
+def across(
+    points: Points, tangents: Points, line: Points, turned: FloatArray | None = None
+) -> FloatArray:
     """Return the offset (m) to the left of each point, at right angles to tangents (n,), of a line
     with the same direction.
 
     The place nearest to the point is meant; NaN where the line does not pass.
+
+    Args:
+        turned: headings (rad) of the points, without jumps, if the line winds: its places that are
+            half a turn or more away are those of another turn.
     """
     # The table of all points and stretches grows with their product.
     count = max(_AT_ONCE // len(line), 1)
     blocks = [slice(start, start + count) for start in range(0, len(points), count)]
     return np.concatenate(
-        [_across(points[block], tangents[block], line) for block in blocks] or [np.zeros(0)]
+        [
+            _across(points[block], tangents[block], line, None if turned is None else turned[block])
+            for block in blocks
+        ]
+        or [np.zeros(0)]
     )
 
 
-def _across(points: Points, tangents: Points, line: Points) -> FloatArray:
+def _across(
+    points: Points, tangents: Points, line: Points, turned: FloatArray | None
+) -> FloatArray:
     tangents = tangents / np.hypot(*tangents.T)[:, None]
     delta = line[None] - points[:, None]
     ahead = (delta * tangents[:, None]).sum(axis=2)
     aside = delta[..., 1] * tangents[:, None, 0] - delta[..., 0] * tangents[:, None, 1]
     meets = (ahead[:, :-1] <= 0.0) & (ahead[:, 1:] > 0.0)
+    if turned is not None:
+        meets &= np.abs(headings(line)[None] - turned[:, None]) < math.pi
     share = np.divide(
         ahead[:, :-1], ahead[:, :-1] - ahead[:, 1:], where=meets, out=np.zeros(meets.shape)
     )

@@ -29,6 +29,7 @@ from xodr.formats.lanelet2.lanelet import (
     between,
     crossing,
     direction,
+    headings,
     joined,
     lengths,
     middle,
@@ -36,6 +37,7 @@ from xodr.formats.lanelet2.lanelet import (
     points_at,
     prolonged,
     resampled,
+    winds,
 )
 
 if TYPE_CHECKING:
@@ -507,7 +509,15 @@ def _arc_lengths(line: PPoly, at: FloatArray | None = None) -> FloatArray:
 def _offsets(line: PPoly, at: FloatArray, border: Points) -> FloatArray:
     """t of a border at parameters of the reference line, interpolated where no normal of the line
     meets it."""
-    t = across(line(at), line(at, 1), border)
+    tangents = line(at, 1)
+    t = np.full(len(at), np.nan)
+    if winds(border):
+        turned = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
+        # Both begin at the same end, so that their headings there differ by whole turns at most.
+        turned += math.tau * round((headings(border)[0] - turned[0]) / math.tau)
+        t = across(line(at), tangents, border, turned)
+    if not np.isfinite(t).any():
+        t = across(line(at), tangents, border)
     found = np.isfinite(t)
     return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))
 
