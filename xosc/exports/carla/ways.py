@@ -534,7 +534,7 @@ def _is_awaited(action: Node, scenario: Node) -> bool:
     states = [
         condition
         for condition in scenario.iter("StoryboardElementStateCondition")
-        if not condition.get("state").startswith("st")
+        if condition.get("state") not in ("standbyState", "startTransition")
     ]
     return any(node.element in around for state in states for node in meant(state, scenario))
 
