@@ -68,7 +68,6 @@ _EXTRAS = {
     "zstandard": "osi",
     "cma": "study",
     "greenlet": "study",
-    "optuna": "study",
     "pymoo": "study",
 }
 """The extra that brings a library, by the name that it is imported by."""

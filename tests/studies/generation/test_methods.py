@@ -96,7 +96,7 @@ def test_a_user_is_offered_the_default_first_and_none_of_the_studys_methods() ->
 
 
 def test_naming_the_methods_imports_no_learning() -> None:
-    heavy = "numpy", "torch", "sklearn", "optuna", "pymoo", "cma", "matplotlib", "libsumo"
+    heavy = "numpy", "torch", "sklearn", "pymoo", "cma", "matplotlib", "libsumo"
     code = (
         f"import sys, generation.xosc_generate; print([name for name in {heavy} if name in "
         "sys.modules])"
