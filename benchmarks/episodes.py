@@ -115,7 +115,7 @@ def played(
 ) -> None:
     """Play all points in arrays."""
     run = RunSettings(timestep=timestep, sut=sut)
-    play = ArrayPlays(scenario, space, run, processes=processes)
+    play = ArrayPlays(scenario, space, run, fast=False, processes=processes)
     start, clock = _processor_time(), perf_counter()
     found = play(theta)
     spent, seconds = _processor_time() - start, perf_counter() - clock

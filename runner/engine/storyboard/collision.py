@@ -99,20 +99,27 @@ class Contacts:
             # Boxes along x and y are the cheapest test; it ends here for most pairs.
             if not -reach <= b.x - a.x <= reach or not -reach <= b.y - a.y <= reach:
                 continue
+            apart = not separation.touching and separation.exceeds(_ROUNDING)
             # Its last measurement excludes a contact now and, as the way is straight, on the way
             # here.
-            if separation.touching or not separation.exceeds(_ROUNDING) or separation.measured:
-                self._look_at(a, b, separation, found)
+            if not apart or separation.measured:
+                self._look_at(a, b, separation, apart, found)
         if found or self.pairs:
             self._compare(found)
 
-    def _look_at(self, a: Entity, b: Entity, separation: Separation, found: list[_Contact]) -> None:
-        """Add a pair to those found if it touches now, or has touched within this step."""
+    def _look_at(
+        self, a: Entity, b: Entity, separation: Separation, apart: bool, found: list[_Contact]
+    ) -> None:
+        """Add a pair to those found if it touches now, or has touched within this step.
+
+        Args:
+            apart: whether a gap in the plane is known to be there now.
+        """
         separation.measured = False
         if not _counts(a, b):
             return
         run, dt, before = self._run, self._run.dt, separation.touching
-        separation.touching = overlap(a, b)
+        separation.touching = not apart and overlap(a, b)
         if separation.touching:
             found.append((a, b, run.time))
             return
