@@ -31,6 +31,7 @@ INPUTS = "inputs"
 does not read what it has written.
 """
 CACHES = {
+    "recognition.catalogue.recordings._by_name": INPUTS,
     "recognition.catalogue.recordings._loaded": FILE,
     "recognition.catalogue.recordings._material": OBJECT,
     "recognition.catalogue.recordings.listed": INPUTS,
@@ -46,6 +47,7 @@ CACHES = {
     "recognition.recordings.formats.osi._trace": FILE,
     "recognition.recordings.formats.waymo_records._scene": FILE,
     "recognition.recordings.formats.waymo_records._tables": VALUE,
+    "recognition.recordings.road_sources._code": PROGRAM,
     "recognition.recordings.road_sources._converted": FILE,
     "recognition.trfe.inputs.grids.picture": OBJECT,
     "recognition.scenes.lanes.graph": OBJECT,
