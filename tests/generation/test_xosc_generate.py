@@ -10,9 +10,11 @@ from inspect import CO_OPTIMIZED
 from pathlib import Path
 from types import CodeType, FrameType
 
+import numpy as np
 import pytest
 
 import schemas
+from generation.search.methods.repeats import Repeats, Run
 from generation.space.logical.library import SCENARIOS
 from generation.xosc_generate import main
 from runner.systems import Control, Observation, Participant
@@ -271,3 +273,20 @@ def test_wrong_use_is_one_line_and_an_exit_code(
     assert reason in said
     assert "Traceback" not in said
     assert not list(tmp_path.rglob("*.xosc"))
+
+
+def test_a_failure_that_never_comes_again_is_no_finding_to_rely_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    repeated = Repeats.of
+
+    def passing(count: int, run: Run, seed: int, number: int) -> Repeats:
+        return repeated(
+            count, lambda _: (np.ones(count, bool), np.zeros(count, bool)), seed, number
+        )
+
+    monkeypatch.setattr(Repeats, "of", passing)
+    drawn = ("--method", "draws", "--density", "uniform", "--budget", 16, "--timestep", 0.1)
+    told = ("--world", "kinematic", "--jobs", 1, "--quiet")
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *drawn, *told) == 6
+    assert "did not fail again" in capsys.readouterr().err

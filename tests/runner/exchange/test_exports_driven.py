@@ -116,6 +116,10 @@ AWAITED = (
 )
 REFUSED = {
     "something waits for its end": ([(0.5, lane_change(1)), (4.0, speed_action(5))], AWAITED),
+    "something waits for its stop": (
+        [(0.5, lane_change(1)), (4.0, speed_action(5))],
+        AWAITED.replace("completeState", "stopTransition"),
+    ),
     "it jumps": (
         [(0.5, lane_change(1, 'dynamicsShape="step" dynamicsDimension="time" value="0"'))],
         "",
