@@ -114,6 +114,9 @@ class ScenarioFormat:
         return major, minor
 
 
+Talkative = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
+]
 Ray = Annotated[
     str | None,
     typer.Option(
@@ -152,9 +155,7 @@ def catalogue(
     ] = False,
     jobs: Jobs = 1,
     ray: Ray = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
-    ] = False,
+    verbose: Talkative = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
@@ -500,9 +501,7 @@ def write(
     ] = None,
     jobs: Jobs = 1,
     ray: Ray = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
-    ] = False,
+    verbose: Talkative = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:

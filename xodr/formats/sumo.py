@@ -76,10 +76,11 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
             f" parameters {_SIDES[0]} and {_SIDES[1]} have their borders"
         )
     # The dock is for runs only; its nodes and inner edges have its name, too.
-    for element in [element for element in root if DOCK in (element.get("id", ""),
-        element.get("from", ""), element.get("to", ""))
-                    or element.get("id", "").startswith((f"{DOCK}/", f":{DOCK}/"))]:  # fmt: skip
-        root.remove(element)
+    for element in list(root):
+        name = element.get("id", "")
+        ends = (name, element.get("from", ""), element.get("to", ""))
+        if DOCK in ends or name.startswith((f"{DOCK}/", f":{DOCK}/")):
+            root.remove(element)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
 
 

@@ -84,8 +84,8 @@ def write_page(
         for number, finding in enumerate(findings)
     )
     page = (
-        _PAGE.replace("@TITLE@", html.escape(one.name)).replace("@LEGEND@",
-            legend).replace("@ABOUT@", lines)
+        _PAGE.replace("@TITLE@", html.escape(one.name)).replace("@LEGEND@", legend)
+        .replace("@ABOUT@", lines)
         .replace("@LIST@", listed).replace("@DATA@", data)
     )  # fmt: skip
     return page.encode()
@@ -178,8 +178,8 @@ w=canvas.clientWidth,h=canvas.clientHeight;
 const x=cx+(e.offsetX-w/2)/scale,y=cy-(e.offsetY-h/2)/scale;scale*=f;cx=x-(e.offsetX-w/2)/scale;
 cy=y+(e.offsetY-h/2)/scale;draw()},
 {passive:false});
-let from=null;canvas.addEventListener("pointerdown",e=>{from=[e.clientX,e.clientY,e.clientX,
-e.clientY];
+let from=null;canvas.addEventListener("pointerdown",e=>{
+from=[e.clientX,e.clientY,e.clientX,e.clientY];
 canvas.setPointerCapture(e.pointerId)});
 canvas.addEventListener("pointermove",e=>{if(!from)return;cx-=(e.clientX-from[0])/scale;
 cy+=(e.clientY-from[1])/scale;
@@ -188,8 +188,8 @@ canvas.addEventListener("pointerup",e=>{if(from&&Math.hypot(e.clientX-from[2],e.
 const x=cx+(e.offsetX-canvas.clientWidth/2)/scale,y=cy-(e.offsetY-canvas.clientHeight/2)/scale;
 const hit=lanes.filter(l=>inside([...l.left,...[...l.right].reverse()],x,y)).map(l=>l.text);
 told.textContent=`${x.toFixed(2)}, ${y.toFixed(2)} ${hit.join("; ")}`}from=null});
-function inside(p,x,y){let c=false;for(let i=0,j=p.length-1;i<p.length;j=i++){const [a,b]=p[i],[d,
-f]=p[j];
+function inside(p,x,y){let c=false;for(let i=0,j=p.length-1;i<p.length;j=i++){
+const [a,b]=p[i],[d,f]=p[j];
 if((b>y)!==(f>y)&&x<(d-a)*(y-b)/(f-b)+a)c=!c}return c}
 document.querySelectorAll("a[data-at]").forEach(a=>a.addEventListener("click",e=>{
 e.preventDefault();
