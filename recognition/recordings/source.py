@@ -292,7 +292,7 @@ def participant(
 FORMATS = "recognition.recordings.formats"
 _PARTS = ("TITLE", "BY_CONTENT", "claims", "sources")
 """Names that the module of a format defines"""
-_SUFFIXES = (".csv", ".feather", ".json", ".mcap", ".osi", ".parquet", ".txt", ".xml")
+_SUFFIXES = (".bag", ".csv", ".feather", ".json", ".mcap", ".osi", ".parquet", ".txt", ".xml")
 """Endings of recordings"""
 
 
@@ -365,12 +365,16 @@ _BESIDE = re.compile(
 """Names of files that accompany recordings: maps, meta data, pictures, documents, hidden files"""
 _OF_FOLDER = ("nuScenes", "Argoverse 2", "run")
 """Formats whose recordings are folders: files in them, and beside them, are theirs"""
+_OF_BAG = "metadata.yaml"
+"""Main file of a ROS bag that is a folder: files in it are its own"""
 
 
 def _belongs(file: Path, found: Sequence[Source]) -> bool:
     """Whether a file without a recording of its own is part of another recording, or no data at
     all."""
     if _BESIDE.fullmatch(file.name):
+        return True
+    if any(source.path.parent in file.parents for source in found if source.path.name == _OF_BAG):
         return True
     folders = [source.path.parent for source in found if source.format in _OF_FOLDER]
     return any(folder in file.parents or file.parent == folder.parent for folder in folders)

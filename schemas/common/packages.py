@@ -61,6 +61,7 @@ _EXTRAS = {
     "osi3": "osi",
     "osi_utilities": "osi",
     "ray": "ray",
+    "rosbags": "ros",
     "safetensors": "recognition",
     "sklearn": "search",
     "threadpoolctl": "search",
@@ -77,6 +78,7 @@ _WITHOUT = {
     "gym": "runner.Session steps through a run",
     "osi": "all other systems, outputs and targets of xosc-export",
     "ray": "--jobs N runs N processes on this machine",
+    "ros": "all other formats of recordings",
     "recognition": "--labels rules labels by rules, --method cover and draws search",
     "search": (
         "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules "

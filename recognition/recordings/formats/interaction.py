@@ -1,5 +1,5 @@
-"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets that follow them
-(TAF-BW).
+"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets with their columns
+(TAF-BW, SinD).
 
 Source: Zhan et al., "INTERACTION Dataset" (arXiv:1910.03088). In the first layout a recording is
 `vehicle_tracks_NNN.csv` and perhaps `pedestrian_tracks_NNN.csv` in a folder named after the site.
@@ -12,6 +12,14 @@ track at the same time as another one are excluded and reported.
 Velocities that contradict the positions are derived from them, and so are headings that then
 contradict them too: TAF-BW has a recording with all velocities backwards and headings folded into
 one half of the circle, and one at half the speed.
+
+SinD (Xu et al., "SIND: A Drone Dataset at Signalized Intersection in China", ITSC 2022, and its
+Format.md) has drone recordings of signalised intersections at 9.99 Hz. A recording is a folder with
+`Veh_smoothed_tracks.csv` and perhaps `Ped_smoothed_tracks.csv`: `yaw_rad` is the direction of the
+box, `heading_rad` that of the motion, and `timestamp_ms` has decimals. The map is the only `.osm`
+file beside the tracks, or in the nearest folder above that has one. Beside the tracks is a file
+with the phases of the traffic lights, by numbers that only a picture of the site places: it says
+that the site has lights, and their states are not read.
 """
 
 from __future__ import annotations
@@ -47,8 +55,8 @@ from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray
 
-FORMAT = "INTERACTION"
-TITLE = "INTERACTION"
+FORMAT, SIND = "INTERACTION", "SinD"
+TITLE = "INTERACTION, TAF-BW, SinD"
 BY_CONTENT = True
 STEP = 0.1
 """Usual time between rows, s"""
@@ -67,8 +75,10 @@ _COLUMNS: dict[str, Kind] = {
 _SIZES = ("length", "width")
 _HEADINGS = ("psi_rad", "yaw_rad")
 """Columns of headings, the first that is there"""
-_OF_ANOTHER = ("Ped_smoothed_tracks.csv",)
-"""Files that the recording of a file of vehicles brings (SinD)"""
+_VEHICLES, _PEDESTRIANS = "Veh_smoothed_tracks.csv", "Ped_smoothed_tracks.csv"
+_SIND_STEP = 1.0 / 9.99
+"""Time between frames of SinD (s): every third one of a camera with 29.97 Hz"""
+_MICROSECONDS = 1e6
 _BOX: dict[str, Kind] = {"psi_rad": "optional", **dict.fromkeys(_SIZES, "optional")}
 _CATEGORIES = {
     "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
@@ -76,6 +86,8 @@ _CATEGORIES = {
     "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian",
     "pedestrian/bicycle": "pedestrian",
 }  # fmt: skip
+_SIND_COLUMNS: dict[str, Kind] = _COLUMNS | {"timestamp_ms": "number"}
+_SIND_BOX: dict[str, Kind] = {"yaw_rad": "number", **dict.fromkeys(_SIZES, "number")}
 _FULL_TURN = 7.0
 """Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
 _LEVELS = 3
@@ -88,8 +100,10 @@ _DOUBT = 0.05
 
 def claims(path: Path) -> bool:
     """Whether a file is the (main) track file of recordings."""
-    if path.suffix != ".csv" or path.name in _OF_ANOTHER:
+    if path.suffix != ".csv":
         return False
+    if path.name in (_VEHICLES, _PEDESTRIANS):
+        return path.name == _VEHICLES or not path.with_name(_VEHICLES).is_file()
     named = _FIRST_LAYOUT.fullmatch(path.name)
     if named:
         return (
@@ -101,6 +115,8 @@ def claims(path: Path) -> bool:
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a track file, or its cases."""
+    if path.name in (_VEHICLES, _PEDESTRIANS):
+        return [_of_sind(path)]
     named = _FIRST_LAYOUT.fullmatch(path.name)
     site = path.parent.name if named else _SPLIT.sub("", path.stem)
     lanelets = _map(path, site)
@@ -188,13 +204,13 @@ def _read(path: Path) -> tuple[Recording, Report]:
 
 def _step(table: Table) -> float:
     """Time between rows of a track, s: the usual one unless most rows are otherwise apart."""
-    step = median_step(table, STEP)
+    step = _median_step(table, STEP)
     # rows further apart than a second are gaps, in which nobody knows what moved
     usual = abs(step / STEP - 1.0) < _USUAL_STEP or step > _LONGEST_STEP
     return STEP if usual else step
 
 
-def median_step(table: Table, usual: float) -> float:
+def _median_step(table: Table, usual: float) -> float:
     """Median time between rows of a track, s; the usual one where no track has two rows."""
     order = np.lexsort((table["timestamp_ms"], table["track_id"]))
     same = table["track_id"][order][1:] == table["track_id"][order][:-1]
@@ -226,12 +242,12 @@ def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
 def _tracks(
     table: Table, step: float, taken: frozenset[str] = frozenset()
 ) -> tuple[list[Track], Report]:
-    return tracks_of(
+    return _tracks_of(
         table, Clock("timestamp_ms", table["timestamp_ms"], _MILLISECONDS, step), taken
     )
 
 
-def tracks_of(
+def _tracks_of(
     table: Table, clock: Clock, taken: frozenset[str] = frozenset()
 ) -> tuple[list[Track], Report]:
     """Tracks of a table, with names unlike those `taken`."""
@@ -336,3 +352,53 @@ def _headings(
     if len(wrong):
         raise table.fault(int(rows.order[wrong[0]]), column or "psi_rad", "a value is missing")
     return np.where(absent, heading_of_motion(vx, vy, rows), given)
+
+
+# SinD -------------------------------------------------------------------------------------------
+
+
+def _of_sind(path: Path) -> Source:
+    """The recording of a folder."""
+    folder = path.parent
+    maps = next(
+        (
+            found
+            for parent in list(path.parents)[:_LEVELS]
+            if (found := sorted(parent.glob("*.osm")))
+        ),
+        [],
+    )
+    lanelets = maps[0] if len(maps) == 1 else None
+    site = lanelets.parent.name if lanelets is not None else folder.parent.name
+    road = made_of(lanelets, None, bool(_lights(folder)))
+    return Source(folder.name, site, SIND, path, partial(_read_sind, path), lanelets, road=road)
+
+
+def _lights(folder: Path) -> list[str]:
+    """Names of the files with the phases of traffic lights."""
+    return sorted(file.name for file in folder.glob("*.csv") if "light" in file.name.lower())
+
+
+def _read_sind(path: Path) -> tuple[Recording, Report]:
+    boxes = _SIND_BOX if path.name == _VEHICLES else {}
+    main = read_table(path, _SIND_COLUMNS | boxes)
+    step = _median_step(main, _SIND_STEP)
+    tracks, report = _sind_tracks(main, step)
+    beside = path.with_name(_PEDESTRIANS)
+    if beside != path and beside.is_file():
+        taken = frozenset(track.name for track in tracks)
+        more, other = _sind_tracks(read_table(beside, _SIND_COLUMNS), step, taken)
+        tracks += more
+        report.add(other)
+    report.remarks += (
+        f"{name}: the states of traffic lights are not read, as it does not say where they stand"
+        for name in _lights(path.parent)
+    )
+    return Recording(tracks, step, None), report
+
+
+def _sind_tracks(
+    table: Table, step: float, taken: frozenset[str] = frozenset()
+) -> tuple[list[Track], Report]:
+    counts = np.rint(1000.0 * table["timestamp_ms"]).astype(np.int64)
+    return _tracks_of(table, Clock("timestamp_ms", counts, _MICROSECONDS, step), taken)
