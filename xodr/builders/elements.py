@@ -390,6 +390,8 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
         replace(
             o,
             t=-o.t,
+            heading=-o.heading,
+            validity=tuple((-b, -a) for a, b in o.validity),
             outlines=tuple(
                 tuple(corner._replace(v=-corner.v) for corner in outline) for outline in o.outlines
             ),
@@ -599,13 +601,14 @@ def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
 
 
 def _object(parent: etree._Element, item: RoadObject) -> None:
-    """Write something flat on the road with its outlines."""
     element = _add(
-        parent, "object", id=item.id, name=item.name, type=item.type, s=item.s, t=item.t,
-        zOffset=item.z_offset,
-        hdg=item.heading, orientation=item.orientation,
+        parent, "object", id=item.id, name=item.name, type=item.type,
+        subtype=item.subtype or None, s=item.s, t=item.t, zOffset=item.z_offset,
+        hdg=item.heading, orientation=item.orientation, length=item.length, width=item.width,
+        radius=item.radius, height=item.height,
     )  # fmt: skip
-    outlines = _add(element, "outlines")
+    # 1.7 asks for one outline or more in `outlines`.
+    outlines = _add(element, "outlines") if item.outlines else element
     for index, corners in enumerate(item.outlines):
         outline = _add(outlines, "outline", id=str(index), closed="true")
         for number, corner in enumerate(corners):
@@ -618,6 +621,7 @@ def _object(parent: etree._Element, item: RoadObject) -> None:
                 z=corner.z,
                 height=corner.height,
             )
+    _validity(element, item.validity)
 
 
 def _signal(parent: etree._Element, signal: Signal) -> None:

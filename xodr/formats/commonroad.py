@@ -23,7 +23,9 @@ from xodr.formats.maps.lane_map import (
     LaneMap,
     MapCrosswalk,
     MapLane,
+    MapPole,
     MapSignal,
+    MapStopLine,
     resampled,
     sides_of,
     with_area,
@@ -246,11 +248,19 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     for signal in lights:
         for name in signal.lanes:
             held.setdefault(name, []).append(numbers[id(signal)])
+    lines = {name: line for line in lane_map.stop_lines for name in line.lanes}
+    hidden = [
+        line.id
+        for line in lane_map.stop_lines
+        if all(lines[name] is not line for name in line.lanes)
+    ]
     for lane in lane_map.lanes.values():
-        root.append(_lanelet_element(lane, ids, signs, held.get(lane.id, [])))
+        line = lines.get(lane.id)
+        root.append(_lanelet_element(lane, ids, signs, held.get(lane.id, []), line))
     taken = len(ids) + len(signs) + len(lights)
     for number_of, area in enumerate(lane_map.crosswalks, taken + 1):
         root.append(_crosswalk(str(number_of), area))
+    taken += len(lane_map.crosswalks)
     for limit in limits:
         first = next(lane for lane in lane_map.lanes.values() if lane.limit == limit)
         root.append(_limit_sign(signs[limit], limit, first))
@@ -261,12 +271,15 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         etree.SubElement(element, "color").text = "inactive"
         etree.SubElement(light, "position").append(_point(signal.place, False))
         etree.SubElement(light, "active").text = "false"
-    problem = taken + len(lane_map.crosswalks) + 1
+    for number_of, pole in enumerate(lane_map.poles, taken + 1):
+        root.append(_pillar(str(number_of), pole))
+    problem = taken + len(lane_map.poles) + 1
     root.append(_standing(str(problem), next(iter(lane_map.lanes.values())), ids))
     etree.indent(root)
-    left_out = sum(signal.kind == "sign" for signal in lane_map.signals)
     notes = ["CommonRoad asks for a planning problem: one stands on lanelet 1"]
-    notes += [f"{left_out} signs are left out, but for speed limits of lanes"] if left_out else []
+    if hidden:
+        reason = "CommonRoad has one on a lanelet, and none beside"
+        notes.append(f"stop lines are left out, since {reason}: {' '.join(hidden)}")
     notes += (
         []
         if lane_map.projection is not None
@@ -330,8 +343,9 @@ def _location(lane_map: LaneMap) -> etree._Element:
 
 
 def _lanelet_element(
-    lane: MapLane, ids: dict[str, str], signs: dict[float, str], lights: list[str]
-) -> etree._Element:
+    lane: MapLane, ids: dict[str, str], signs: dict[float, str], lights: list[str],
+    stop: MapStopLine | None,
+) -> etree._Element:  # fmt: skip
     element = etree.Element("lanelet", id=ids[lane.id])
     sides = lane.left, lane.right
     # CommonRoad wants as many points on the left as on the right.
@@ -351,6 +365,11 @@ def _lanelet_element(
             etree.SubElement(
                 element, tag, ref=ids[beside[0]], drivingDir="same" if beside[1] else "opposite"
             )
+    if stop is not None:
+        # The whole line on each of its lanes, so that it can be read again as one.
+        across = etree.SubElement(element, "stopLine")
+        across.extend(_point(place, heights) for place in stop.line[[0, -1]].tolist())
+        etree.SubElement(across, "lineMarking").text = "solid"
     kind = LANELET_TYPES.get(lane.type) or ROAD_LANELETS.get(lane.road_type, "unknown")
     for text in (kind, *(["intersection"] if lane.in_junction else [])):
         etree.SubElement(element, "laneletType").text = text
@@ -370,6 +389,21 @@ def _crosswalk(number: str, area: MapCrosswalk) -> etree._Element:
         bound.extend(_point(place, bool(np.any(area.outline[:, 2]))) for place in even.tolist())
     etree.SubElement(element, "laneletType").text = "crosswalk"
     return element
+
+
+def _pillar(number: str, pole: MapPole) -> etree._Element:
+    element = etree.Element("environmentObstacle", id=number)
+    etree.SubElement(element, "type").text = "pillar"
+    circle = etree.SubElement(etree.SubElement(element, "shape"), "circle")
+    etree.SubElement(circle, "radius").text = f"{_RADIUS:g}"
+    center = etree.SubElement(circle, "center")
+    for tag, value in zip("xy", pole.place, strict=False):
+        etree.SubElement(center, tag).text = f"{value:.6f}"
+    return element
+
+
+_RADIUS = 0.1
+"""Radius (m) of poles, which a map does not say"""
 
 
 def _limit_sign(number: str, limit: float, lane: MapLane) -> etree._Element:
@@ -445,8 +479,39 @@ def read(path: Path) -> LaneMap:
     )
     notes += left_out
     return LaneMap(
-        path.stem, lanes, lights, projection or None, offset, notes=notes, crosswalks=areas
-    )
+        path.stem, lanes, lights, projection or None, offset, notes=notes, crosswalks=areas,
+        stop_lines=_stop_lines(lanes, elements), poles=_poles(root),
+    )  # fmt: skip
+
+
+def _stop_lines(
+    lanes: dict[str, MapLane], elements: dict[str, etree._Element]
+) -> list[MapStopLine]:
+    """The stop lines of lanelets: across the end of the lanelet where there are no points; one for
+    lanelets with the same line."""
+    found: dict[tuple[tuple[float, ...], ...], list[str]] = {}
+    for name, lane in lanes.items():
+        for element in elements[name].iterchildren("stopLine"):
+            points = list(element.iterchildren("point"))
+            ends = [lane.left[-1].tolist(), lane.right[-1].tolist()]
+            if len(points) == 2:
+                ends = [[number(p, "x"), number(p, "y"), _height(p)] for p in points]
+            found.setdefault(tuple(map(tuple, ends)), []).append(name)
+    return [MapStopLine(names[0], np.array(ends), tuple(names)) for ends, names in found.items()]
+
+
+def _poles(root: etree._Element) -> list[MapPole]:
+    found = []
+    for element in root.iterchildren("environmentObstacle"):
+        center = element.find("shape/circle/center")
+        if element.findtext("type", "").strip() == "pillar" and center is not None:
+            place = number(center, "x"), number(center, "y"), 0.0
+            found.append(MapPole(element.get("id") or "", place, 0.0))
+    return found
+
+
+def _height(point: etree._Element) -> float:
+    return number(point, "z") if point.findtext("z") else 0.0
 
 
 def _area(one: CommonRoadLanelet, element: etree._Element) -> MapCrosswalk:
@@ -480,8 +545,5 @@ def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:
 
 
 def _with_heights(line: FloatArray, element: etree._Element, tag: str) -> FloatArray:
-    heights = [
-        number(point, "z") if point.findtext("z") else 0.0
-        for point in child(element, tag).iterchildren("point")
-    ]
+    heights = [_height(point) for point in child(element, tag).iterchildren("point")]
     return np.column_stack([line, heights])

@@ -1,5 +1,5 @@
 """GeoJSON of a map for geographic information systems: lanes as areas, borders with their marks,
-centre lines, signals.
+centre lines, crosswalks, stop lines, signals, poles.
 
 Source: RFC 7946. Coordinates are longitude, latitude (WGS 84) and height where the map has a
 projection, else those of the map in metres, which `properties.coordinates` of the collection says.
@@ -18,7 +18,14 @@ import numpy as np
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_bytes
-from xodr.formats.maps.lane_map import LaneMap, MapCrosswalk, MapLane, MapSignal
+from xodr.formats.maps.lane_map import (
+    LaneMap,
+    MapCrosswalk,
+    MapLane,
+    MapPole,
+    MapSignal,
+    MapStopLine,
+)
 from xodr.formats.maps.projecting import Projector
 
 _DEGREES, _METRES = 10, 4
@@ -82,6 +89,12 @@ def _features(
     for area in lane_map.crosswalks:
         ring = placed(area.outline)
         yield _feature("Polygon", [[*ring, ring[0]]], {"kind": "crosswalk", "id": area.id})
+    for stop in lane_map.stop_lines:
+        about = {"kind": "stop line", "id": stop.id, "lanes": list(stop.lanes)}
+        yield _feature("LineString", placed(stop.line), about)
+    for pole in lane_map.poles:
+        (place,) = placed(np.array([pole.place]))
+        yield _feature("Point", place, {"kind": "pole", "id": pole.id, "height": pole.height})
     for signal in lane_map.signals:
         (place,) = placed(np.array([signal.place]))
         about = {
@@ -158,11 +171,25 @@ def _take(
         line = np.array(coordinates[0][:-1], dtype=float)
         area = projector.to_map(line) if projector is not None else line
         made.crosswalks.append(MapCrosswalk(about["id"], area))
+    elif about["kind"] == "stop line":
+        line = np.array(coordinates, dtype=float)
+        there = projector.to_map(line) if projector is not None else line
+        made.stop_lines.append(MapStopLine(about["id"], there, tuple(about["lanes"])))
+    elif about["kind"] == "pole":
+        height = float(about["height"])
+        made.poles.append(MapPole(about["id"], _place(coordinates, projector), height))
     elif about["kind"] in ("light", "sign"):
-        line = np.array([coordinates], dtype=float)
-        x, y, z = (projector.to_map(line) if projector is not None else line)[0].tolist()
         what = (about["type"], about["subtype"], about["country"], about["value"], about["unit"])
         heading = math.remainder(about["heading"], math.tau)
         made.signals.append(
-            MapSignal(about["id"], about["kind"], what, (x, y, z), heading, tuple(about["lanes"]))
-        )
+            MapSignal(
+                about["id"], about["kind"], what, _place(coordinates, projector), heading,
+                tuple(about["lanes"]),
+            )
+        )  # fmt: skip
+
+
+def _place(coordinates: Any, projector: Projector | None) -> tuple[float, float, float]:
+    line = np.array([coordinates], dtype=float)
+    x, y, z = (projector.to_map(line) if projector is not None else line)[0].tolist()
+    return x, y, z

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.spatial import cKDTree
 from shapely import LineString
 
 from schemas.common.array_types import FloatArray
@@ -22,8 +24,8 @@ from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.conversion import with_crosswalks
 from xodr.formats.lanelet2.lanelet import joined, parts_of, places
 from xodr.formats.lanelet2.reader import Crosswalk
-from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, heights_on, resampled
-from xodr.model import Signal, SignalReference
+from xodr.formats.maps.lane_map import LaneMap, MapLane, heights_on, resampled
+from xodr.model import RoadObject, Signal, SignalReference
 from xodr.model.geometry import Cubic, Profile
 
 _TOLERANCE = 0.02
@@ -49,6 +51,9 @@ places where these are taken."""
 _SIGN_STEP, _TANGENTS, _MOVED = 2.0, 4, 0.1
 """Distance (m) of the places of a road among which that beside a sign is looked up, tangents on
 which it is improved, and distance (m) from the ends of a road that is named."""
+_PAINT, _RADIUS, _CANDIDATES = 0.3, 0.1, 24
+"""Width (m) of stop lines and radius (m) of poles, which a map does not say; stations among which
+the road beside a pole is looked up."""
 _LEVEL = 1e-3
 """Heights (m) of a map that count as none."""
 
@@ -84,15 +89,14 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         made = replace(made, roads=tuple(_raised(built, lanes)))
     areas = [Crosswalk(area.id, area.outline[:, :2]) for area in lane_map.crosswalks]
     made = replace(made, roads=with_crosswalks(made.roads, areas))
-    signs = [signal for signal in lane_map.signals if signal.kind == "sign"]
-    if signs:
-        roads, moved = _with_signs(made.roads, built.lanelets, signs)
+    beside = _RoadIndex(made.roads, built.lanelets)
+    for kind, put in (
+        ("signs", _with_signs), ("stop lines", _with_stop_lines), ("poles", _with_poles),
+    ):  # fmt: skip
+        roads, moved = put(made.roads, beside, lane_map)
         made = replace(made, roads=roads)
-        notes += (
-            [(f"signs beyond the ends of their roads are moved to them: {' '.join(moved)}")]
-            if moved
-            else []
-        )
+        if moved:
+            notes.append(f"{kind} beyond the ends of their roads are moved: {' '.join(moved)}")
     if lane_map.left_hand:
         notes.append("traffic keeps to the left: roads are one-way, so the rule says right")
     return made.to_xml(), [*notes, *built.notes]
@@ -193,25 +197,26 @@ class _LaneBorders:
             yield number, replace(lane, height=(over[0], over[1])) if raised else lane
 
 
-def _with_signs(
-    roads: Sequence[RoadDesign], where: Mapping[str, tuple[str, int]], signs: Sequence[MapSignal]
-) -> tuple[tuple[RoadDesign, ...], list[str]]:
-    """Put signs beside roads; also return the names of moved ones.
+_Placed = tuple[tuple[RoadDesign, ...], list[str]]
+"""Roads with what stands beside them, and the names of those that had to be moved"""
+
+
+def _with_signs(roads: Sequence[RoadDesign], beside: _RoadIndex, lane_map: LaneMap) -> _Placed:
+    """Put signs beside roads.
 
     A sign stands on the road nearest to it of those whose lanes it holds; the others refer to it.
     """
-    by_id = {road.id: _Stations(road) for road in roads}
     own: dict[str, list[Signal]] = defaultdict(list)
     referring: dict[str, list[SignalReference]] = defaultdict(list)
     moved = []
     # Ids go on after those of the lights.
     first = 1 + sum(len(road.signals) for road in roads)
+    signs = [signal for signal in lane_map.signals if signal.kind == "sign"]
     for number, sign in enumerate(signs, first):
-        held = _held_lanes(sign, where, by_id)
-        among = held or by_id
-        nearest = min(among, key=lambda road_id: by_id[road_id].distance(sign.place))
+        held = beside.held(sign.lanes, sign.place)
+        nearest = beside.nearest(sign.place, held)
         for road_id in [nearest, *(road_id for road_id in held if road_id != nearest)]:
-            s, t, height, heading, beyond = by_id[road_id].place(sign.place)
+            s, t, height, heading, beyond = beside.by_id[road_id].place(sign.place)
             # Lane 0 where the sign holds no lane of this road.
             ranges = tuple((lane, lane) for lane in sorted(held.get(road_id, {0})))
             if road_id != nearest:
@@ -240,17 +245,101 @@ def _with_signs(
     return made, moved
 
 
-def _held_lanes(
-    sign: MapSignal, where: Mapping[str, tuple[str, int]], roads: Mapping[str, _Stations]
-) -> dict[str, set[int]]:
-    """Lanes on which a sign holds, by road; of a lane that was split, that of the nearest part."""
-    held: dict[str, set[int]] = defaultdict(set)
-    for name in sign.lanes:
-        parts = [where[part] for part in parts_of(name, where)]
-        if parts:
-            road_id, lane = min(parts, key=lambda part: roads[part[0]].distance(sign.place))
-            held[road_id].add(lane)
-    return held
+def _with_stop_lines(roads: Sequence[RoadDesign], beside: _RoadIndex, lane_map: LaneMap) -> _Placed:
+    """Paint stop lines on roads: `roadMark` of subtype `signalLines` (OpenDRIVE 1.9, 13.14.8)."""
+    own: dict[str, list[RoadObject]] = defaultdict(list)
+    moved = []
+    for line in lane_map.stop_lines:
+        first, last = line.line[0], line.line[-1]
+        middle = (0.5 * (first + last)).tolist()
+        held = beside.held(line.lanes, middle)
+        road_id = beside.nearest(middle, held)
+        s, t, height, heading, beyond = beside.by_id[road_id].place(middle)
+        if beyond > _MOVED:
+            moved.append(line.id)
+        across = math.atan2(*(last - first)[1::-1]) - 0.5 * math.pi
+        # A range is of one road: lanes of several are found again by place.
+        ranges = tuple((lane, lane) for lane in sorted(held[road_id])) if len(held) == 1 else ()
+        own[road_id].append(
+            RoadObject(
+                "", road_id, s, t, line.id, "roadMark", "signalLines", "+",
+                z_offset=middle[2] - height, heading=math.remainder(across - heading, math.tau),
+                length=_PAINT, width=math.dist(first[:2], last[:2]), height=0.0, validity=ranges,
+            )
+        )  # fmt: skip
+    return _with_objects(roads, own), moved
+
+
+def _with_poles(roads: Sequence[RoadDesign], beside: _RoadIndex, lane_map: LaneMap) -> _Placed:
+    """Put poles beside the roads nearest to them."""
+    own: dict[str, list[RoadObject]] = defaultdict(list)
+    moved = []
+    for pole in lane_map.poles:
+        road_id = beside.nearest(pole.place, {})
+        s, t, height, _, beyond = beside.by_id[road_id].place(pole.place)
+        if beyond > _MOVED:
+            moved.append(pole.id)
+        own[road_id].append(
+            RoadObject(
+                "", road_id, s, t, pole.id, "pole", z_offset=pole.place[2] - height,
+                radius=_RADIUS, height=pole.height,
+            )
+        )  # fmt: skip
+    return _with_objects(roads, own), moved
+
+
+def _with_objects(
+    roads: Sequence[RoadDesign], own: Mapping[str, Sequence[RoadObject]]
+) -> tuple[RoadDesign, ...]:
+    """Roads with more objects, whose ids go on after those that are there."""
+    ids = count(1 + sum(len(road.objects) for road in roads))
+    return tuple(
+        replace(
+            road,
+            objects=(
+                *road.objects,
+                *(replace(item, id=str(next(ids))) for item in own.get(road.id, ())),
+            ),
+        )
+        for road in roads
+    )
+
+
+class _RoadIndex:
+    """Roads by place.
+
+    Args:
+        roads: with the reference lines that things are put beside.
+        where: road and lane of each lane of the map; of its parts, where it was split.
+    """
+
+    def __init__(
+        self, roads: Sequence[RoadDesign], where: Mapping[str, tuple[str, int]]
+    ) -> None:  # fmt: skip
+        self._where = where
+        self.by_id = {road.id: _Stations(road) for road in roads}
+        self._names = [road.id for road in roads for _ in self.by_id[road.id].points]
+        self._tree = cKDTree(np.vstack([self.by_id[road.id].points for road in roads]))
+
+    def held(self, lanes: Sequence[str], place: Sequence[float]) -> dict[str, set[int]]:
+        """Lanes of roads by road; of a lane that was split, that of the part nearest to a place."""
+        held: dict[str, set[int]] = defaultdict(set)
+        for name in lanes:
+            parts = [self._where[part] for part in parts_of(name, self._where)]
+            if parts:
+                road_id, lane = min(parts, key=lambda part: self.by_id[part[0]].distance(place))
+                held[road_id].add(lane)
+        return held
+
+    def nearest(self, place: Sequence[float], among: Collection[str]) -> str:
+        """The road nearest to a place, of some or of all; of all the one that it lies beside, not
+        beyond, where there is one."""
+        if among:
+            return min(among, key=lambda road_id: self.by_id[road_id].distance(place))
+        _, stations = self._tree.query(place[:2], k=min(_CANDIDATES, len(self._names)))
+        names = dict.fromkeys(self._names[station] for station in np.atleast_1d(stations).tolist())
+        # The first of equals is the nearest.
+        return min(names, key=lambda name: max(self.by_id[name].place(place)[4], _MOVED))
 
 
 class _Stations:
@@ -260,18 +349,18 @@ class _Stations:
         self._road = road
         self._s = np.linspace(0.0, road.length, places(road.length, _SIGN_STEP))
         self._poses = road.poses_at(self._s.tolist())
-        self._points = np.array([(pose.x, pose.y) for pose in self._poses])
+        self.points = np.array([(pose.x, pose.y) for pose in self._poses])
 
-    def distance(self, place: tuple[float, float, float]) -> float:
+    def distance(self, place: Sequence[float]) -> float:
         """Distance (m) of a place from the line, from above."""
-        return float(np.hypot(*(self._points - place[:2]).T).min())
+        return float(np.hypot(*(self.points - place[:2]).T).min())
 
-    def place(self, place: tuple[float, float, float]) -> tuple[float, float, float, float, float]:
+    def place(self, place: Sequence[float]) -> tuple[float, float, float, float, float]:
         """s, t, height (m) and heading (rad) of the road beside a place.
 
         Last: distance (m) of the place beyond the road's ends.
         """
-        number = int(np.argmin(np.hypot(*(self._points - place[:2]).T)))
+        number = int(np.argmin(np.hypot(*(self.points - place[:2]).T)))
         s, pose = float(self._s[number]), self._poses[number]
         # Along the tangent to the foot, again and again: Newton's method, from the nearest station.
         for _ in range(_TANGENTS):

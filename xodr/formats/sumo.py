@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +24,12 @@ from xodr.formats.maps.lane_map import (
     LaneMap,
     MapLane,
     MapSignal,
+    MapStopLine,
+    at_lengths,
     gone,
     heights_on,
+    name_of,
+    of_network,
     shifted,
 )
 from xodr.formats.sumo_net import DOCK, LaneTrack, georeference, lift
@@ -69,6 +73,7 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     longest = {lane: max(tracks, key=lambda track: track.length) for lane, tracks in passed.items()}
     lift(root, longest, network)
     _name_types(root, longest, network)
+    notes += _add_stop_lines(root, passed, network)
     bordered = _add_borders(root, passed, network)
     if bordered:
         notes.append(
@@ -107,6 +112,44 @@ def _unplaced(roads: RoadNetwork, passed: Mapping[str, list[LaneTrack]]) -> list
 
 _NAMED = 10
 """Most lanes that a note names"""
+
+
+def _add_stop_lines(
+    root: etree._Element, passed: Mapping[str, list[LaneTrack]], roads: RoadNetwork
+) -> Iterator[str]:
+    """Give lanes the distance of their stop line from their end; say which have none."""
+    stops = of_network(roads).stop_lines
+    if not stops:
+        return
+    on: dict[str, list[etree._Element]] = defaultdict(list)
+    for lane in root.iter("lane"):
+        for track in passed.get(lane.get("id", ""), []):
+            number = roads.roads[track.road_id].section_index(0.5 * (track.start + track.end))
+            on[name_of((track.road_id, number, track.lane_id))].append(lane)
+    left_out = []
+    for stop in stops:
+        spot, placed = shapely.LineString(stop.line[:, :2]), False
+        for lane in (lane for name in stop.lanes for lane in on[name]):
+            line = shapely.LineString(_points(lane, "shape", roads.path)[:, :2])
+            # Traffic inside junctions does not stop by it.
+            if lane.get("id", "").startswith(":") or line.distance(spot) > _BEFORE:
+                continue
+            at = line.project(shapely.Point(shapely.shortest_line(line, spot).coords[0]))
+            rest = max(line.length - at, 0.0)
+            known = lane.find("stopOffset")
+            element = etree.SubElement(lane, "stopOffset") if known is None else known
+            element.set("value", f"{rest:.2f}")
+            placed = True
+        if not placed:
+            left_out.append(stop.id)
+    if left_out:
+        reason = "no lane of SUMO outside junctions leads over them"
+        yield f"stop lines are left out, since {reason}: {' '.join(left_out)}"
+
+
+_BEFORE = 5.0
+"""Distance (m) of a stop line beyond the end of a lane of SUMO, which ends where the junction
+begins"""
 
 
 def _add_borders(
@@ -258,6 +301,7 @@ def read(path: Path) -> LaneMap:
                 )
             lanes[lane.id] = lane
     lights = _connect(root, lanes)
+    stops = _stop_lines(root, lanes, path)
     location = root.find("location")
     projection, offset = _location(location, path)
     notes = ["the network says nothing of its place on Earth"] if projection is None else []
@@ -266,7 +310,41 @@ def read(path: Path) -> LaneMap:
             f"lanes are not between their parameters {' and '.join(_SIDES)}, whose borders are "
             f"left out: {' '.join(moved)}"
         )
-    return LaneMap(path.name.split(".")[0], lanes, lights, projection, offset, left_hand, notes)
+    return LaneMap(
+        path.name.split(".")[0], lanes, lights, projection, offset, left_hand, notes,
+        stop_lines=stops,
+    )  # fmt: skip
+
+
+def _stop_lines(
+    root: etree._Element, lanes: Mapping[str, MapLane], path: Path
+) -> list[MapStopLine]:
+    """The stop lines of lanes, those of neighbours that meet as one."""
+    found: list[MapStopLine] = []
+    for edge in root.iterchildren("edge"):
+        row = []
+        for element in edge.iterchildren("lane"):
+            offset, lane = element.find("stopOffset"), lanes.get(element.get("id", ""))
+            if offset is None or lane is None:
+                continue
+            at = max(lane.length - _number(offset, "value", 0.0, path), 0.0) / lane.length
+            left, right = (
+                at_lengths(line, np.array([at * gone(line)[-1]]))
+                for line in (lane.left, lane.right)
+            )
+            row.append(MapStopLine(lane.id, np.vstack([left, right]), (lane.id,)))
+        for stop in row:
+            before = found[-1] if found and stop is not row[0] else None
+            if before is not None and math.dist(before.line[0], stop.line[1]) < _SAME_LINE:
+                line = np.vstack([stop.line[:1], before.line[1:]])
+                stop = MapStopLine(before.id, line, (*before.lanes, *stop.lanes))
+                found.pop()
+            found.append(stop)
+    return found
+
+
+_SAME_LINE = 0.3
+"""Distance (m) of the ends of stop lines of neighbours that are one"""
 
 
 def _lane(lane: etree._Element, edge: etree._Element, path: Path) -> MapLane:

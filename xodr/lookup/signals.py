@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.lanelets import Key
-from xodr.model import Signal, SignalReference
+from xodr.model import RoadObject, Signal, SignalReference
 from xodr.model.road import Road
 
 _WALKERS = "1000002"
@@ -42,9 +42,9 @@ def signal_places(network: RoadNetwork) -> list[SignalPlace]:
     for road in network.roads.values():
         for signal in road.signals:
             # Before any place is made: roads may refer to signals of roads that follow.
-            lanes.setdefault(signal.id, []).extend(_lanes(road, signal))
+            lanes.setdefault(signal.id, []).extend(lanes_at(road, signal))
         for reference in road.signal_references:
-            lanes.setdefault(reference.signal_id, []).extend(_lanes(road, reference))
+            lanes.setdefault(reference.signal_id, []).extend(lanes_at(road, reference))
     return [
         _placed(road, signal, tuple(dict.fromkeys(lanes[signal.id])))
         for road in network.roads.values()
@@ -60,8 +60,14 @@ def _placed(road: Road, signal: Signal, lanes: tuple[Key, ...]) -> SignalPlace:
     return SignalPlace(signal, pose.x, pose.y, middle, math.remainder(facing, math.tau), lanes)
 
 
-def _lanes(road: Road, signal: Signal | SignalReference) -> list[Key]:
-    """Lanes for which a signal holds at its place."""
+def is_stop_line(signal: Signal) -> bool:
+    """Whether a signal is a line at which traffic stops: by its semantics, or sign 294 of German
+    law, which editors write under any country."""
+    return signal.priority == "stopLine" or (signal.type == "294" and not signal.dynamic)
+
+
+def lanes_at(road: Road, signal: Signal | SignalReference | RoadObject) -> list[Key]:
+    """Lanes for which a signal or object holds at its place."""
     number = road.section_index(min(max(signal.s, 0.0), road.length))
     section = road.sections[number]
     lanes = []

@@ -317,7 +317,8 @@ class Signal:
     """A traffic sign or light.
 
     orientation: "+", "-" or "none": for traffic in that s direction. validity: (from, to) lane
-    ranges; empty means all lanes.
+    ranges; empty means all lanes. priority: its meaning for the right of way, as in the element
+    `priority` of its semantics (since 1.8), e.g. "stopLine".
     """
 
     id: str
@@ -338,6 +339,7 @@ class Signal:
     width: float | None = None
     height: float | None = None
     validity: tuple[tuple[int, int], ...] = ()
+    priority: str = ""
 
 
 class SignalReference(NamedTuple):

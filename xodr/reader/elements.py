@@ -356,6 +356,7 @@ def read_signal(element: etree._Element, road_id: str) -> Signal:
         width=optional(element, "width"),
         height=optional(element, "height"),
         validity=validity(element),
+        priority=next((one.get("type", "") for one in element.iterfind("semantics/priority")), ""),
     )
 
 

@@ -53,15 +53,21 @@ CROSSWALKS = """<object id="10" type="crosswalk" s="80" t="0" zOffset="0" hdg="0
 <cornerRoad s="43" t="0" dz="0" height="0" id="2"/><cornerRoad s="43.5" t="4" dz="0" height="0" id="3"/>
 <cornerRoad s="40" t="4" dz="0" height="0" id="4"/></outline></outlines></object>"""
 """A rectangle, and an area with a corner in one of its long sides"""
+STOP_LINE = (
+    '<object id="12" type="roadMark" subtype="signalLines" name="halt" s="60" t="-1.75" zOffset="0"'
+    ' hdg="0.1" length="0.3" width="3.2"/>'
+)
+TREE = '<object id="13" type="tree" name="oak" s="60" t="-12" zOffset="0" hdg="0"/>'
 
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two linked roads on a projection, with heights, kerbs, limits, a sign, a
-    light and two crosswalks.
+    light, two crosswalks, a stop line, a pole and a tree.
     """
     path = tmp_path_factory.mktemp("map") / "source.xodr"
-    path.write_text(road().replace("</objects>", f"{CROSSWALKS}</objects>"), encoding="utf-8")
+    more = CROSSWALKS + STOP_LINE + TREE
+    path.write_text(road().replace("</objects>", f"{more}</objects>"), encoding="utf-8")
     return path
 
 
@@ -229,6 +235,19 @@ def same_signs(made: maps.MapConversion) -> bool:
     return meaning[0] == meaning[1] and ours.value == 50.0 and near
 
 
+def same_stop_line(made: maps.MapConversion) -> bool:
+    """Whether there is one stop line, at the same place, across one lane."""
+    (ours,), (theirs,) = made.source.stop_lines, made.result.stop_lines
+    away = shapely.LineString(ours.line).hausdorff_distance(shapely.LineString(theirs.line))
+    heights = abs(ours.line[0, 2] - theirs.line[0, 2])
+    return len(ours.lanes) == len(theirs.lanes) == 1 and max(away, heights) < 0.05
+
+
+def same_pole(made: maps.MapConversion) -> bool:
+    (ours,), (theirs,) = made.source.poles, made.result.poles
+    return ours.height == theirs.height == 4.0 and math.dist(ours.place, theirs.place) < 0.05
+
+
 def names(made: maps.MapConversion) -> set[str]:
     """Names of lanes in the result: road/section/lane; SUMO has roads and lanes, in a parameter."""
     if made.target_format != "sumo":
@@ -256,6 +275,9 @@ CHECKS: dict[str, Callable[[maps.MapConversion], bool]] = {
     "crosswalks": same_areas,
     "traffic lights": lambda made: sum(each.kind == "light" for each in made.result.signals) == 1,
     "signs": lambda made: same_signs(made),
+    "stop lines": same_stop_line,
+    "poles": same_pole,
+    "other objects": lambda made: "oak" in made.path.read_text(encoding="utf-8"),
     "projection": lambda made: np.allclose(corner(made.result), corner(made.source), atol=1e-7,
         rtol=0.0),
     "offset": lambda made: np.allclose(made.result.offset, made.source.offset),
@@ -318,6 +340,10 @@ CHANGED: dict[tuple[str, str], Callable[[maps.MapConversion], bool]] = {
     ("sumo", "neighbours"): lambda made: beside(made.result) >= beside(made.source) > 0,
     ("sumo", "traffic lights"): lambda made: [one.kind for one in made.result.signals] == ["light"],
     ("sumo", "offset"): lambda made: plane(made.result) == pytest.approx(plane(made.source)),
+    ("sumo", "stop lines"): lambda made: made.result.stop_lines[0].line[:, :2].mean(axis=0)
+    == pytest.approx(made.source.stop_lines[0].line[:, :2].mean(axis=0), abs=0.3),
+    ("commonroad", "poles"): lambda made: made.result.poles[0].place[:2]
+    == pytest.approx(made.source.poles[0].place[:2], abs=1e-3),
     ("commonroad", "lane types"): lambda made: of_type(made.result, "sidewalk", "shoulder")
     == of_type(made.source, "sidewalk", "shoulder", "walking", "stop"),
     ("commonroad", "road types"): lambda made: {one.road_type for one in made.result.lanes.values()}
@@ -352,35 +378,94 @@ def test_the_matrix_is_what_is_read_back(target: str, made: dict[str, maps.MapCo
     assert wrong == []
 
 
-_ELSEWHERE = {"junctions", "junction priorities", "rule of traffic", "objects", "lateral profiles"}
-"""Fields of the following tests, and the two that lanes have not"""
+_ELSEWHERE = {"junctions", "junction priorities", "rule of traffic", "lateral profiles"}
+"""Fields of the following tests, and the one that lanes have not"""
+
+
+@pytest.mark.parametrize("target", ["lanelet2", "sumo", "commonroad", "geojson"])
+def test_what_a_format_has_not_is_said_with_the_reason(
+    target: str, made: dict[str, maps.MapConversion]
+) -> None:
+    said = [note for note in made[target].notes if " are left out, " in note]
+    lacking = {field for field, fate in FATES[target].items() if fate.outcome == fates.LOST}
+    named = {note.partition(" are left out, ")[0] for note in said}
+    assert "other objects" in named and named <= lacking
+    assert lacking - named <= {"junctions", "junction priorities", "rule of traffic",
+                               "lateral profiles", "names and ids"}  # fmt: skip
+    assert all(
+        note.endswith(f": {FATES[target][note.partition(' are ')[0]].text}") for note in said
+    )
+    assert any("(tree 1)" in note for note in said)
+
+
+HALT = (
+    '<signal id="7" name="halt" s="20" t="0" zOffset="0" height="0.1" dynamic="no"'
+    ' orientation="+" type="{}" subtype="-1" country="DE" value="-1">{}</signal>'
+)
 
 
 @pytest.mark.parametrize("target", FATES)
-def test_objects_are_left_out_as_the_matrix_says(target: str, tmp_path: Path) -> None:
-    """Poles and stop lines among them; a stop line that is a signal is kept as a sign."""
-    items = "".join(
-        f'<object id="{name}" name="{name}" type="{kind}" s="20" t="-2" zOffset="0" hdg="0"'
-        ' length="0.4" width="3" height="1"/>'
-        for name, kind in (("lamp-7", "pole"), ("halt-7", "roadMark"))
-    )
-    line = (
-        '<signal id="stop-7" name="stop-7" s="20" t="-2" zOffset="0" height="0.1" dynamic="no"'
-        ' orientation="+" type="294" subtype="-1" country="DE" value="-1"/>'
-    )
+@pytest.mark.parametrize(
+    "signal",
+    [
+        HALT.format("294", ""),
+        HALT.format("77", '<semantics><priority type="stopLine"/></semantics>'),
+    ],
+    ids=["sign 294", "semantics"],
+)
+def test_a_signal_that_is_a_stop_line_becomes_one_across_its_lanes(
+    target: str, signal: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "halt.xodr"
     text = (LIBRARY / "highway_straight.xodr").read_text(encoding="utf-8")
-    assert "<signals" not in text and "<objects" not in text
-    added = f"</lanes><objects>{items}</objects><signals>{line}</signals>"
-    (tmp_path / "poles.xodr").write_text(text.replace("</lanes>", added, 1), encoding="utf-8")
-    between = tmp_path / "poles.xodr"
+    added = f"</lanes><signals>{signal}</signals>"
+    path.write_text(text.replace("</lanes>", added, 1), encoding="utf-8")
+    source = of_network(xodr.load(path))
+    (stop,) = source.stop_lines
+    assert source.signals == [] and len(stop.lanes) > 1
+    assert stop.line[:, 0] == pytest.approx(20.0, abs=1e-6)
     if target == "opendrive":
-        between = maps.convert(between, tmp_path / "map.osm").path
-    made = maps.convert(between, tmp_path / ENDINGS[target])
-    assert FATES[target]["objects"].outcome == fates.LOST
-    written = made.path.read_text(encoding="utf-8")
-    assert "lamp-7" not in written and "halt-7" not in written
-    signs = [sign.type for sign in made.result.signals if sign.kind == "sign"]
-    assert (signs == ["294"]) == (FATES[target]["signs"].outcome == fates.KEPT)
+        path = maps.convert(path, tmp_path / "between.geojson").path
+    made = maps.convert(path, tmp_path / ENDINGS[target])
+    (found,) = made.result.stop_lines
+    assert len(found.lanes) == len(stop.lanes)
+    assert {tuple(point) for point in np.round(found.line[[0, -1], :2], 1)} == {
+        tuple(point) for point in np.round(stop.line[:, :2], 1)
+    }
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known", "made"])
+def test_the_light_of_lanelets_refers_to_its_stop_line(known: bool, tmp_path: Path) -> None:
+    """A line that no map has is made, and is none when it is read again."""
+    path = tmp_path / "light.xodr"
+    line = STOP_LINE if known else ""
+    path.write_text(road().replace("</objects>", f"{line}</objects>"), encoding="utf-8")
+    there = maps.convert(path, tmp_path / "light.osm")
+    root = etree.parse(there.path)
+    (ref,) = root.xpath("//relation[tag/@v='traffic_light']/member[@role='ref_line']/@ref")
+    tags = {tag.get("k"): tag.get("v") for tag in root.xpath(f"//way[@id='{ref}']/tag")}
+    assert tags["type"] == "stop_line"
+    assert tags.get("name") == ("1/12" if known else None)
+    assert [stop.id for stop in there.result.stop_lines] == (["1/12"] if known else [])
+
+
+def test_a_pole_of_a_lanelet_map_may_be_a_way_from_foot_to_top(tmp_path: Path) -> None:
+    there = maps.convert(LIBRARY / "highway_straight.xodr", tmp_path / "map.osm")
+    nodes = "".join(
+        f'<node id="{90000 + n}" lat="0" lon="0"><tag k="local_x" v="30"/><tag k="local_y" v="-20"/>'
+        f'<tag k="ele" v="{2 * n}"/></node>'
+        for n in (1, 0)
+    )
+    way = (
+        '<way id="95000"><nd ref="90001"/><nd ref="90000"/><tag k="type" v="pole"/>'
+        '<tag k="name" v="P"/></way>'
+    )
+    text = there.path.read_text(encoding="utf-8")
+    text = text.replace("<way", f"{nodes}<way", 1).replace("<relation", f"{way}<relation", 1)
+    there.path.write_text(text, encoding="utf-8")
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    assert [tuple(np.round(pole.place, 3)) for pole in back.result.poles] == [(30.0, -20.0, 0.0)]
+    assert [pole.height for pole in back.result.poles] == [2.0]
 
 
 @pytest.mark.parametrize("target", FATES)

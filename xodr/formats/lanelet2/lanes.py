@@ -25,12 +25,15 @@ from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import TOUCHING, completed
 from xodr.formats.lanelet2.reader import read_lanelets
-from xodr.formats.lanelet2.signs import element_tags, face, way_tags
+from xodr.formats.lanelet2.signs import MADE, element_tags, face, way_tags
 from xodr.formats.maps.lane_map import (
     LaneMap,
+    LanesUnder,
     MapCrosswalk,
     MapLane,
+    MapPole,
     MapSignal,
+    MapStopLine,
     gone,
     heights_on,
     sides_of,
@@ -89,7 +92,7 @@ class _OsmWriter:
         self._cells: dict[tuple[int, int], list[int]] = {}
         self._ways: dict[tuple[int, ...], int] = {}
         self._tags: dict[int, dict[str, str]] = {}
-        self._next = 0
+        self.poles: dict[int, dict[str, str]] = {}
 
     def node(self, place: Iterable[float]) -> int:
         """Number of the node at a place, made where there is none."""
@@ -104,6 +107,12 @@ class _OsmWriter:
         self.nodes.append((x, y, z))
         self._cells.setdefault(cell, []).append(len(self.nodes) - 1)
         return len(self.nodes) - 1
+
+    def pole(self, pole: MapPole) -> None:
+        """Make a node of its own, with tags."""
+        height = {"height": f"{pole.height:.4f}"} if pole.height else {}
+        self.poles[len(self.nodes)] = {"type": "pole", "name": pole.id, **height}
+        self.nodes.append(pole.place)
 
     def line(self, line: FloatArray) -> tuple[int, ...]:
         """The nodes of a line, without repetitions."""
@@ -156,11 +165,17 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         notes.append(f"{len(lane_map.lanes) - len(lanes)} lanes of type none are left out")
     bounds = _bounds(writer, lanes, notes)
     driven = {name for name in bounds if lanes[name].type not in _AREAS}
-    rules = [
-        *_lights(writer, lane_map, driven),
-        *_ranks(lane_map, driven),
-        *_signs(writer, lane_map),
+    stops = [
+        (line, writer.way(writer.line(line.line), {"type": "stop_line", "name": line.id}))
+        for line in lane_map.stop_lines
     ]
+    rules = [
+        *_lights(writer, lane_map, driven, stops),
+        *_ranks(lane_map, driven, stops),
+        *_signs(writer, lane_map, stops),
+    ]
+    for pole in lane_map.poles:
+        writer.pole(pole)
     walks = [
         [writer.way(writer.line(side), _WALK) for side in sides_of(area.outline)]
         for area in lane_map.crosswalks
@@ -314,9 +329,20 @@ def _area_tags(lane: MapLane, name: str) -> dict[str, str]:
     return {**tags, "lane_type": lane.type, "road_type": lane.road_type}
 
 
-def _lights(writer: _OsmWriter, lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
-    """The lights, each with its face and the stop line across the first lane that it holds, at its
-    end."""
+_Stops = list[tuple[MapStopLine, int]]
+"""Stop lines with their ways"""
+
+
+def _across(stops: _Stops, lanes: Collection[str]) -> list[tuple[int, str]]:
+    """The stop lines of lanes, in their role."""
+    return [(way, "ref_line") for line, way in stops if not set(lanes).isdisjoint(line.lanes)]
+
+
+def _lights(
+    writer: _OsmWriter, lane_map: LaneMap, driven: Collection[str], stops: _Stops
+) -> Iterator[_Rule]:
+    """The lights, each with its face and the stop lines of the lanes that it holds, or else one
+    across the end of the first of these."""
     for signal in lane_map.signals:
         held = [name for name in signal.lanes if name in driven]
         if signal.kind != "light" or not held:
@@ -325,30 +351,44 @@ def _lights(writer: _OsmWriter, lane_map: LaneMap, driven: Collection[str]) -> I
             writer.line(face(signal.place, signal.heading)),
             {"type": "traffic_light", "subtype": "red_yellow_green"},
         )
-        lane = lane_map.lanes[held[0]]
-        line = writer.line(np.array([lane.left[-1], lane.right[-1]]))
-        stop = writer.way(line, {"type": "stop_line"})
+        lines = _across(stops, held)
+        # Autoware wants a stop line for each light.
+        if not lines:
+            lane = lane_map.lanes[held[0]]
+            line = writer.line(np.array([lane.left[-1], lane.right[-1]]))
+            lines = [(writer.way(line, {"type": "stop_line", "note": MADE}), "ref_line")]
         tags = {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
-        yield _Rule(held, [(bulb, "refers"), (stop, "ref_line")], [], tags)
+        yield _Rule(held, [(bulb, "refers"), *lines], [], tags)
 
 
-def _ranks(lane_map: LaneMap, driven: Collection[str]) -> Iterator[_Rule]:
-    """The right of way of each lane over others."""
+def _ranks(lane_map: LaneMap, driven: Collection[str], stops: _Stops) -> Iterator[_Rule]:
+    """The right of way of each lane over others, with the lines at which these stop."""
+    before = defaultdict[str, list[str]](list)
+    for lane in lane_map.lanes.values():
+        for name in lane.successors:
+            before[name].append(lane.id)
     ranks: dict[str, list[str]] = {}
     for high, low in lane_map.priorities:
         if high in driven and low in driven:
             ranks.setdefault(high, []).append(low)
     for high, lows in ranks.items():
         roles = [(high, "right_of_way"), *((low, "yield") for low in lows)]
-        yield _Rule({high: None, **dict.fromkeys(lows)}, [], roles, _RANK)
+        waiting = [*lows, *(name for low in lows for name in before[low])]
+        lines = _across(stops, waiting)
+        yield _Rule({high: None, **dict.fromkeys(lows)}, lines, roles, _RANK)
 
 
-def _signs(writer: _OsmWriter, lane_map: LaneMap) -> Iterator[_Rule]:
-    """The signs, each with its face."""
+_STOP = ("206", "R1-1")
+"""Stop signs of Germany and the United States"""
+
+
+def _signs(writer: _OsmWriter, lane_map: LaneMap, stops: _Stops) -> Iterator[_Rule]:
+    """The signs, each with its face; stop signs with their stop lines."""
     for sign in lane_map.signals:
         if sign.kind == "sign":
             way = writer.way(writer.line(face(sign.place, sign.heading)), way_tags(sign))
-            yield _Rule(sign.lanes, [(way, "refers")], [], element_tags(sign))
+            lines = _across(stops, sign.lanes) if sign.type in _STOP else []
+            yield _Rule(sign.lanes, [(way, "refers"), *lines], [], element_tags(sign))
 
 
 def _write_nodes(writer: _OsmWriter, lane_map: LaneMap) -> None:
@@ -369,6 +409,7 @@ def _write_nodes(writer: _OsmWriter, lane_map: LaneMap) -> None:
             lon=f"{east:.11f}",
         )
         _add_tags(node, {"local_x": f"{x:.4f}", "local_y": f"{y:.4f}", "ele": f"{z:.4f}"})
+        _add_tags(node, writer.poles.get(number - 1, {}))
 
 
 def _add_tags(element: etree._Element, tags: dict[str, str]) -> None:
@@ -421,9 +462,11 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
         MapCrosswalk(area.id, np.column_stack([area.outline, _heights_beside(area.outline, made)]))
         for area in found.crosswalks
     )
+    index = LanesUnder(made)
     return LaneMap(
         path.stem, made, signals, projection, offset, notes=[*found.notes, *added, *left_out],
-        crosswalks=areas, priorities=found.priorities,
+        crosswalks=areas, priorities=found.priorities, poles=found.poles,
+        stop_lines=[MapStopLine(name, line, index.of(line)) for name, line in found.stop_lines],
     )  # fmt: skip
 
 

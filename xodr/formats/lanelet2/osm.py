@@ -24,12 +24,13 @@ T = TypeVar("T")
 
 class OsmNode(NamedTuple):
     """A point: latitude and longitude [degrees], coordinates of the map [m] where it has its own,
-    height [m]; its line in the file."""
+    height [m]; its line in the file; its tags where it is something of its own."""
 
     place: tuple[float, float] | None
     local: tuple[float, float] | None
     height: float
     line: int | None
+    tags: Tags
 
 
 class OsmWay(NamedTuple):
@@ -131,7 +132,8 @@ def _node(element: etree._Element) -> OsmNode:
     if place is not None and not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         raise _invalid(element, f"lat={place[0]:g}, lon={place[1]:g} is no place on Earth")
     height = _number(element, "ele", tags.get("ele") or "0")
-    return OsmNode(place, local, height, line_of(element))
+    # Most nodes are of ways only: without tags they take less memory.
+    return OsmNode(place, local, height, line_of(element), tags if "type" in tags else {})
 
 
 def _pair(

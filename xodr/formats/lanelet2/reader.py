@@ -21,8 +21,15 @@ from xodr.builders.elements import Geo
 from xodr.formats.lanelet2.borders import LaneletBounds, bounds_of, linked, split_at_joints
 from xodr.formats.lanelet2.lanelet import WALKS, Lanelet, Points
 from xodr.formats.lanelet2.osm import MapProjection, Osm, Relation, Tags, read
-from xodr.formats.lanelet2.signs import Place, face_lines, facing, signs_of
-from xodr.formats.maps.lane_map import LANE_TYPES, ROAD_TYPES, MapSignal
+from xodr.formats.lanelet2.signs import (
+    Place,
+    face_lines,
+    facing,
+    poles_of,
+    signs_of,
+    stop_lines_of,
+)
+from xodr.formats.maps.lane_map import LANE_TYPES, ROAD_TYPES, MapPole, MapSignal
 
 CROSSWALK = "crosswalk"
 
@@ -235,7 +242,8 @@ class Lanelets(NamedTuple):
     not. priorities: pairs of lanelets of which the first goes before the second. geo: where the map
     is. surveyed: left and right bound with heights, (n, 3) each, by id in the file; none of a flat
     map. signs: with the ids of lanelets in the file. faces: place and heading of traffic lights
-    that have one. notes: what is left out or assumed, one sentence each.
+    that have one. stop_lines: name and points, (n, 3), m. poles: beside the lanes. notes: what is
+    left out or assumed, one sentence each.
     """
 
     lanes: list[Lanelet]
@@ -245,6 +253,8 @@ class Lanelets(NamedTuple):
     surveyed: dict[str, tuple[FloatArray, FloatArray]]
     signs: list[MapSignal]
     faces: dict[str, tuple[Place, float]]
+    stop_lines: list[tuple[str, FloatArray]]
+    poles: list[MapPole]
     notes: list[str]
 
 
@@ -329,8 +339,9 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
     }
     signs = signs_of(osm, points, rules.users)
     return Lanelets(
-        lanes, crosswalks, rules.priorities, projection.geo, surveyed, signs, faces, notes
-    )
+        lanes, crosswalks, rules.priorities, projection.geo, surveyed, signs, faces,
+        list(stop_lines_of(osm, points)), list(poles_of(osm, points)), notes,
+    )  # fmt: skip
 
 
 def _lane(

@@ -1,5 +1,5 @@
 """Signs of Lanelet2 maps: regulatory elements `traffic_sign` and `speed_limit`, which refer to ways
-along the faces of signs, and which lanelets refer to.
+along the faces of signs, and which lanelets refer to; stop lines and poles.
 
 Source: Lanelet2 documentation, "RegulatoryElementTagging": a face runs from its left to its right
 edge as seen from the front; the way's subtype (or the element's `sign_type`) is a country and a
@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from schemas.common.array_types import FloatArray
 from xodr.formats.lanelet2.osm import Osm, Relation
-from xodr.formats.maps.lane_map import MapSignal
+from xodr.formats.maps.lane_map import MapPole, MapSignal
 
 Place = tuple[float, float, float]
 """x, y, z, m."""
@@ -112,19 +112,53 @@ def face_lines(
     return lines
 
 
+MADE = "made at the end of the lane"
+"""Tag `note` of stop lines that no map has, which are written since traffic lights want one."""
+
+
+def stop_lines_of(
+    osm: Osm, points: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[str, FloatArray]]:
+    """Name and points (n, 3), m, of each stop line of a map."""
+    for way in osm.ways.values():
+        if way.tags.get("type") == "stop_line" and way.tags.get("note") != MADE:
+            line = np.array([(*points[node], osm.nodes[node].height) for node in way.nodes])
+            if len(line) > 1:
+                yield way.tags.get("name") or way.id, line
+
+
+def poles_of(osm: Osm, points: Mapping[str, tuple[float, float]]) -> Iterator[MapPole]:
+    """The poles of a map: tagged nodes, and ways from their foot to their top."""
+    for name, node in osm.nodes.items():
+        if node.tags.get("type") == "pole":
+            place = (*points[name], node.height)
+            height = number_of(node.tags.get("height", "0"))
+            yield MapPole(node.tags.get("name") or name, place, height or 0.0)
+    for way in osm.ways.values():
+        if way.tags.get("type") == "pole" and way.nodes:
+            heights = [osm.nodes[node].height for node in way.nodes]
+            foot = way.nodes[heights.index(min(heights))]
+            place = (*points[foot], min(heights))
+            yield MapPole(way.tags.get("name") or way.id, place, max(heights) - min(heights))
+
+
+def number_of(text: str) -> float | None:
+    """A finite number, None for other texts."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
 def _meaning(rule: Relation, subtype: str) -> tuple[str, str, str, float | None, str]:
     own = {
         name: rule.tags.get(_PREFIX + name, "") for name in ("type", "subtype", "country", "unit")
     }
     text = rule.tags.get(_PREFIX + "value")
-    value = None
-    if text is not None:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise rule.invalid(f"{_PREFIX}value={text!r} is no finite number")
+    value = number_of(text) if text is not None else None
+    if text is not None and value is None:
+        raise rule.invalid(f"{_PREFIX}value={text!r} is no finite number")
     if own["type"]:
         return own["type"], own["subtype"], own["country"], value, own["unit"]
     code = rule.tags.get("sign_type") or subtype

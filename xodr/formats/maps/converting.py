@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from schemas.common.errors import InvalidFile, Unsupported, UsageError, guess
-from schemas.common.fates import Fates, changed, kept, lost
+from schemas.common.fates import LOST, Fates, changed, kept, lost
 from schemas.common.policy import scratch
 from schemas.common.storage import keep, writing
 from schemas.common.xml import parse
@@ -51,7 +51,9 @@ MAP_FIELDS = {
     "crosswalks": "",
     "traffic lights": "",
     "signs": "",
-    "objects": "poles and stop lines among them",
+    "stop lines": "",
+    "poles": "",
+    "other objects": "trees, barriers, buildings",
     "projection": "",
     "offset": "with height and heading",
     "rule of traffic": "right, left",
@@ -69,7 +71,8 @@ FATES: Mapping[str, Fates] = {
         "neighbours": changed("of lanes that lead the same way"), "junctions": kept(),
         "junction priorities": kept(),
         "crosswalks": kept("outlines on the road's surface"), "traffic lights": kept(),
-        "signs": kept("beside their lanes"), "objects": lost("the way by lanes has none"),
+        "signs": kept("beside their lanes"), "stop lines": kept("objects `roadMark`"),
+        "poles": kept("`pole`"), "other objects": lost("lanes have none"),
         "projection": kept(),
         "offset": kept(), "rule of traffic": changed("roads are one-way, right-hand"),
         "names and ids": changed("new ids; names of lanes are in the names of roads"),
@@ -87,7 +90,8 @@ FATES: Mapping[str, Fates] = {
         "junctions": lost("Lanelet2 has none; lanelets cross"),
         "junction priorities": kept("`right_of_way`"), "crosswalks": kept("lanelets `crosswalk`"),
         "traffic lights": kept("`traffic_light`"), "signs": kept("`traffic_sign`"),
-        "objects": lost("not written"),
+        "stop lines": kept("`stop_line`, `ref_line` of rules"),
+        "poles": kept("nodes `pole`"), "other objects": lost("lanes have none"),
         "projection": kept("latitudes, longitudes"), "offset": kept("`local_x`, `local_y`"),
         "rule of traffic": lost("directions say it"), "names and ids": changed("tag `name`"),
         "lateral profiles": lost("lanelets have none"),
@@ -101,10 +105,13 @@ FATES: Mapping[str, Fates] = {
         "road marks": lost("SUMO has none"),
         "lane links": kept("connections"), "neighbours": changed("lanes of an edge"),
         "junctions": changed("netconvert's nodes"),
-        "junction priorities": lost("netconvert ranks roads"), "crosswalks": lost("not written"),
+        "junction priorities": lost("netconvert ranks roads"),
+        "crosswalks": lost("netconvert makes its own"),
         "traffic lights": changed("programs of netconvert; not the place of lights"),
         "signs": lost("SUMO has none"),
-        "objects": lost("not written"), "projection": kept("`projParameter`"),
+        "stop lines": changed("`stopOffset` of lanes outside junctions"),
+        "poles": lost("networks have none"), "other objects": lost("networks have none"),
+        "projection": kept("`projParameter`"),
         "offset": changed("`netOffset`; not height and turn, which lose the projection"),
         "rule of traffic": kept("`lefthand`"),
         "names and ids": kept("`origId`"), "lateral profiles": lost("networks have none"),
@@ -118,8 +125,10 @@ FATES: Mapping[str, Fates] = {
         "neighbours": kept("`adjacentLeft`, `adjacentRight`"),
         "junctions": changed("type intersection of lanelets"),
         "junction priorities": lost("not written"), "crosswalks": kept("lanelets `crosswalk`"),
-        "traffic lights": changed("place and lanes; without phases"), "signs": lost("not written"),
-        "objects": lost("not written"),
+        "traffic lights": changed("place and lanes; without phases"),
+        "signs": lost("but for speed limits of lanes"),
+        "stop lines": kept("`stopLine` of lanelets"),
+        "poles": changed("pillars; without height"), "other objects": lost("lanes have none"),
         "projection": kept("`geoReference`"), "offset": changed("without height"),
         "rule of traffic": lost("directions say it"),
         "names and ids": lost("numbers"), "lateral profiles": lost("lanelets have none"),
@@ -132,7 +141,8 @@ FATES: Mapping[str, Fates] = {
         "neighbours": kept("`left`, `right`"), "junctions": changed("a property of lanes"),
         "junction priorities": kept("`priorities`"),
         "crosswalks": kept("areas"), "traffic lights": kept("points"),
-        "signs": kept("points"), "objects": lost("not written"),
+        "signs": kept("points"), "stop lines": kept("lines"),
+        "poles": kept("points"), "other objects": lost("lanes have none"),
         "projection": kept("and WGS 84 coordinates"), "offset": kept(),
         "rule of traffic": kept(), "names and ids": kept("`id`: road/section/lane"),
         "lateral profiles": lost("lanes only"),
@@ -357,8 +367,30 @@ def convert(
         keep(content, there)
     result = read_map(there, None, target_format)
     difference = compare(one, result)
-    notes = [*one.notes, *notes, *_shortfall(difference)]
+    # An OpenDRIVE file that only changes its version keeps what it has.
+    lacking = [] if source_format == target_format else left_out(one, target_format)
+    notes = [*one.notes, *lacking, *notes, *_shortfall(difference)]
     return MapConversion(there, source_format, target_format, notes, difference, one, result)
+
+
+def left_out(one: LaneMap, target: str) -> Iterator[str]:
+    """Sentences on what a map has and a format has not, by `FATES`."""
+    lanes = one.lanes.values()
+    present = {
+        "road types": sum(lane.road_type != "unknown" for lane in lanes),
+        "road marks": sum(mark[0] != "none" for lane in lanes for mark in lane.marks),
+        "junction priorities": len(one.priorities), "crosswalks": len(one.crosswalks),
+        "traffic lights": sum(signal.kind == "light" for signal in one.signals),
+        "signs": sum(signal.kind == "sign" for signal in one.signals),
+        "stop lines": len(one.stop_lines), "poles": len(one.poles),
+        "other objects": sum(one.objects.values()),
+    }  # fmt: skip
+    for field, count in present.items():
+        fate = FATES[target][field]
+        if count and fate.outcome == LOST:
+            some = ", ".join(f"{kind} {number}" for kind, number in one.objects.items())
+            detail = f" ({some})" if field == "other objects" else ""
+            yield f"{field} are left out, {count}{detail}: {fate.text}"
 
 
 _ENOUGH = 0.95

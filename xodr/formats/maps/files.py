@@ -61,6 +61,7 @@ class MapInfo(NamedTuple):
         limits: length (m) of lanes for vehicles by speed limit (km/h, or "none").
         roads, junctions: numbers; of an OpenDRIVE map, else None.
         signals: number of signals by kind.
+        furniture: number of crosswalks, stop lines and poles, and of other objects by type.
         bounds: west, south, east, north, m.
         heights: lowest and highest, m.
         projection, offset: as in `LaneMap`.
@@ -77,6 +78,7 @@ class MapInfo(NamedTuple):
     roads: int | None
     junctions: int | None
     signals: dict[str, int]
+    furniture: dict[str, int]
     bounds: tuple[float, float, float, float]
     heights: tuple[float, float]
     projection: str | None
@@ -139,9 +141,17 @@ def info(path: str | PathLike[str], *, origin: tuple[float, float] | None = None
         dict(sorted(limits.items())),
         len(network.roads) if network is not None else None,
         len(network.junctions) if network is not None else None,
-        dict(signals), (west, south, east, north), (low, high), made.projection, made.offset,
-        corner, made.left_hand, notes,
+        dict(signals), _furniture(made), (west, south, east, north), (low, high),
+        made.projection, made.offset, corner, made.left_hand, notes,
     )  # fmt: skip
+
+
+def _furniture(made: LaneMap) -> dict[str, int]:
+    counts = {
+        "crosswalks": len(made.crosswalks), "stop lines": len(made.stop_lines),
+        "poles": len(made.poles), **made.objects,
+    }  # fmt: skip
+    return {name: count for name, count in counts.items() if count}
 
 
 def compare(

@@ -8,8 +8,8 @@ All formats are read into a `LaneMap` and written from one (OpenDRIVE is written
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -22,6 +22,7 @@ from schemas.common.array_types import FloatArray
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import Points
 from xodr.lookup.lanelets import Key, Paint, lanelets
+from xodr.lookup.signals import is_stop_line, lanes_at, signal_places
 from xodr.model import RoadObject
 from xodr.model.road import Road
 
@@ -114,6 +115,28 @@ class MapCrosswalk(NamedTuple):
     outline: Points
 
 
+class MapStopLine(NamedTuple):
+    """A line across lanes at which traffic stops.
+
+    Attributes:
+        id: its name in the map.
+        line: from one of its ends to the other, (n, 3), m.
+        lanes: lanes whose traffic stops there.
+    """
+
+    id: str
+    line: Points
+    lanes: tuple[str, ...]
+
+
+class MapPole(NamedTuple):
+    """A pole: its name in the map, x, y, z of its foot and its height, m (0: not known)."""
+
+    id: str
+    place: tuple[float, float, float]
+    height: float
+
+
 @dataclass(eq=False)
 class LaneMap:
     """A map.
@@ -129,6 +152,8 @@ class LaneMap:
         notes: what was assumed or left out when it was read, one sentence each.
         crosswalks: areas where pedestrians cross.
         priorities: pairs of lanes of which the first has the right of way over the second.
+        stop_lines, poles: at and beside the lanes.
+        objects: number of the other objects by type, which no format but OpenDRIVE has.
     """
 
     name: str
@@ -140,6 +165,9 @@ class LaneMap:
     notes: list[str] = field(default_factory=list)
     crosswalks: list[MapCrosswalk] = field(default_factory=list)
     priorities: list[tuple[str, str]] = field(default_factory=list)
+    stop_lines: list[MapStopLine] = field(default_factory=list)
+    poles: list[MapPole] = field(default_factory=list)
+    objects: dict[str, int] = field(default_factory=dict)
 
 
 def name_of(key: Key) -> str:
@@ -168,16 +196,11 @@ def of_network(network: RoadNetwork) -> LaneMap:
         if item.type == "crosswalk"
     )
     return LaneMap(
-        network.path.stem,
-        found,
-        _signals(network),
-        network.geo_reference,
-        network.header.offset,
-        left_hand,
-        notes=notes,
-        crosswalks=areas,
-        priorities=_priorities(network, found),
-    )
+        network.path.stem, found, _signals(network), network.geo_reference, network.header.offset,
+        left_hand, notes=notes, crosswalks=areas, priorities=_priorities(network, found),
+        stop_lines=[*_marked_stop_lines(network, found), *_signed_stop_lines(network, found)],
+        poles=list(_poles(network)), objects=_other_objects(network),
+    )  # fmt: skip
 
 
 def with_area(crosswalks: Iterable[MapCrosswalk]) -> tuple[list[MapCrosswalk], list[str]]:
@@ -228,13 +251,90 @@ def _priorities(network: RoadNetwork, lanes: dict[str, MapLane]) -> list[tuple[s
     return [pair for high, low in pairs for pair in product(on[high], on[low])]
 
 
+_POLES = {"pole", "streetLamp", "rail-pole"}
+"""Types of objects that are poles; street lamps until 1.4"""
+
+
+def _poles(network: RoadNetwork) -> Iterator[MapPole]:
+    for road in network.roads.values():
+        for item in road.objects:
+            if item.type in _POLES:
+                x, y, z = road.pose(item.s, item.t)[:3]
+                place = (x, y, z + item.z_offset)
+                yield MapPole(f"{road.id}/{item.id}", place, item.height or 0.0)
+
+
+def _is_stop_line(item: RoadObject) -> bool:
+    """Whether an object is a stop line: `roadMark` of subtype `signalLines` (OpenDRIVE 1.9,
+    13.14.8), or one that its name says to be one, as editors write it."""
+    named = item.subtype in ("signalLines", "stopLine") or item.name.lower().startswith("stopline")
+    return named and item.type in ("roadMark", "-1", "none", "")
+
+
+def _other_objects(network: RoadNetwork) -> dict[str, int]:
+    """Number of the objects by type that are no crosswalks, poles or stop lines."""
+    return dict(
+        Counter(
+            item.type or "none"
+            for road in network.roads.values()
+            for item in road.objects
+            if item.type not in _POLES | {"crosswalk"} and not _is_stop_line(item)
+        )
+    )
+
+
+def _marked_stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane]) -> Iterator[MapStopLine]:
+    """The stop lines that are objects, along the middle of their longer side."""
+    index = LanesUnder(lanes)
+    for road in network.roads.values():
+        for item in filter(_is_stop_line, road.objects):
+            outline = outline_of(road, item)
+            if shapely.MultiPoint(outline[:, :2]).convex_hull.area > _LEAST_AREA:
+                left, right = sides_of(outline)
+                line = 0.5 * (left[[0, -1]] + right[[0, -1]])
+            else:
+                line = outline[_ends(outline)]
+            held = [name_of(key) for key in lanes_at(road, item)] if item.validity else []
+            yield MapStopLine(f"{road.id}/{item.id}", line, tuple(held) or index.of(line))
+
+
+def _ends(points: Points) -> list[int]:
+    """The two of points along a line that are farthest apart."""
+    away = np.hypot(*(points[:, None, :2] - points[None, :, :2]).T)
+    return list(map(int, np.unravel_index(int(np.argmax(away)), away.shape)))
+
+
+def _signed_stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane]) -> Iterator[MapStopLine]:
+    """The stop lines that are signals: across each row of lanes that they hold."""
+    for road in network.roads.values():
+        for signal in filter(is_stop_line, road.signals):
+            rows: list[tuple[float, float, list[str]]] = []
+            # By id, so that neighbours follow each other from right to left.
+            for key in sorted(lanes_at(road, signal), key=lambda key: key[2]):
+                name, lane = name_of(key), road.sections[key[1]].lanes[key[2]]
+                if name not in lanes or lanes[name].type in STILL:
+                    continue
+                low, high = sorted((lane.inner(signal.s), lane.outer(signal.s)))
+                if rows and abs(rows[-1][1] - low) < _APART:
+                    low, names = rows[-1][0], [*rows.pop()[2], name]
+                else:
+                    names = [name]
+                rows.append((low, high, names))
+            for number, (low, high, names) in enumerate(rows):
+                line = np.array([road.pose(signal.s, t)[:3] for t in (high, low)])
+                suffix = f"/{number}" if len(rows) > 1 else ""
+                yield MapStopLine(f"{road.id}/{signal.id}{suffix}", line, tuple(names))
+
+
+_APART = 0.1
+"""Distance (m) of lanes that are no neighbours."""
+
+
 def _named(beside: tuple[Key, bool] | None) -> tuple[str, bool] | None:
     return (name_of(beside[0]), beside[1]) if beside is not None else None
 
 
 def _signals(network: RoadNetwork) -> list[MapSignal]:
-    from xodr.lookup.signals import signal_places
-
     return [
         MapSignal(
             place.signal.id, "light" if place.signal.dynamic else "sign",
@@ -243,6 +343,7 @@ def _signals(network: RoadNetwork) -> list[MapSignal]:
             (place.x, place.y, place.z), place.h, tuple(name_of(key) for key in place.lanes),
         )
         for place in signal_places(network)
+        if not is_stop_line(place.signal)
     ]  # fmt: skip
 
 
@@ -251,6 +352,49 @@ def sides_exchanged(lane: MapLane) -> bool:
     left, right = (resampled(line, 5)[:, :2] for line in (lane.left, lane.right))
     ahead, across = (left + right)[3] - (left + right)[1], left[2] - right[2]
     return bool(ahead[0] * across[1] - ahead[1] * across[0] < 0.0)
+
+
+# stop lines --------------------------------------------------------------------------------------
+
+STILL = {
+    "none", "border", "median", "curb", "sidewalk", "walking", "shoulder", "stop", "restricted",
+    "parking",
+}  # fmt: skip
+"""Types of lanes without traffic that stops."""
+_UNDER, _STOREY = 0.5, 3.0
+"""Distance (m) of a stop line from the middle of a lane that it crosses, perhaps just beyond its
+end, and difference of heights (m) from which on a lane is one of a bridge."""
+
+
+class LanesUnder:
+    """Lanes by place, to look up those that stop lines cross.
+
+    Args:
+        lanes: by id.
+    """
+
+    def __init__(self, lanes: Mapping[str, MapLane]) -> None:
+        self._lanes = [lane for lane in lanes.values() if lane.type not in STILL]
+        self._tree = shapely.STRtree(
+            [shapely.LineString(lane.centre[:, :2]) for lane in self._lanes]
+        )
+
+    def of(self, line: Points) -> tuple[str, ...]:
+        """Ids of the lanes that a line crosses: those that lead into a junction, not through it,
+        and of lanes that follow each other the first."""
+        spot = shapely.LineString(line[:, :2])
+        under = []
+        for number in sorted(self._tree.query(spot, "dwithin", _UNDER).tolist()):
+            lane = self._lanes[number]
+            height = heights_on(line[:1, :2], [lane.centre])[0]
+            if abs(height - line[0, 2]) < _STOREY:
+                under.append(lane)
+        under = [lane for lane in under if not lane.in_junction] or under
+        onward = {name for lane in under for name in lane.successors}
+        # Of lanes that lead to each other in a ring all stay.
+        return tuple(lane.id for lane in under if lane.id not in onward) or tuple(
+            lane.id for lane in under
+        )
 
 
 # areas -------------------------------------------------------------------------------------------

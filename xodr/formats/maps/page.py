@@ -69,6 +69,8 @@ def write_page(
             [round(s.place[0], 2), round(s.place[1], 2), f"{s.kind} {s.id} {s.type}".strip()]
             for s in one.signals
         ],
+        "stops": [_thin(stop.line) for stop in one.stop_lines],
+        "poles": [[round(x, 2), round(y, 2)] for _, (x, y, _), _ in one.poles],
         "findings": [[round(x, 2), round(y, 2), text] for x, y, text in findings],
         "colours": COLOURS,
     }
@@ -164,6 +166,10 @@ pen.fillStyle="#07a";
 for(const k of data.links){if(k[0]>v[0]&&k[0]<v[2]&&k[1]>v[1]&&k[1]<v[3]){pen.beginPath();
 pen.arc(X(k[0]),Y(k[1]),2.5,0,7);
 pen.fill();path([[k[0],k[1]],[k[2],k[3]]]);pen.stroke()}}}
+if(scale>0.3){pen.strokeStyle="#c22";pen.lineWidth=Math.max(2,0.3*scale);
+for(const l of data.stops){pen.beginPath();path(l);pen.stroke()}
+pen.fillStyle="#555";for(const [x,y] of data.poles){pen.beginPath();pen.arc(X(x),Y(y),2.5,0,7);
+pen.fill()}}
 for(const s of data.signals){pen.fillStyle=s[2].startsWith("light")?"#c60":"#06c";
 if(scale>0.3)pen.fillRect(X(s[0])-3,Y(s[1])-3,6,6)}
 if(document.getElementById("over").checked){pen.strokeStyle="#d22";pen.lineWidth=1;
@@ -219,6 +225,10 @@ def write_picture(
     if other is not None:
         lines = [line[:, :2] for lane in other.lanes.values() for line in (lane.left, lane.right)]
         axes.add_collection(LineCollection(lines, colors="#dd2222", linewidths=0.4))
+    stops = [stop.line[:, :2] for stop in one.stop_lines]
+    axes.add_collection(LineCollection(stops, colors="#cc2222", linewidths=1.0))
+    if one.poles:
+        axes.plot(*np.array([pole.place[:2] for pole in one.poles]).T, "o", ms=2.0, color="#555555")
     if findings:
         axes.plot(
             [finding.x for finding in findings],

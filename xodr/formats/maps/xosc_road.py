@@ -195,6 +195,7 @@ def info_command(
             ]
         ),
         *(f"  {kind:16} {length / 1000.0:10.3f} km" for kind, length in about.lengths.items()),
+        "objects: " + (", ".join(f"{kind} {n}" for kind, n in about.furniture.items()) or "none"),
         "speed limits: "
         + ", ".join(
             f"{limit} km/h {length / 1000.0:.3f} km" for limit, length in about.limits.items()
