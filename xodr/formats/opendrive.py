@@ -24,7 +24,7 @@ from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.conversion import with_crosswalks
 from xodr.formats.lanelet2.lanelet import joined, parts_of, places
 from xodr.formats.lanelet2.reader import Crosswalk
-from xodr.formats.maps.lane_map import LaneMap, MapLane, heights_on, resampled
+from xodr.formats.maps.lane_map import LaneMap, MapLane, at_lengths, heights_on, resampled
 from xodr.model import RoadObject, Signal, SignalReference
 from xodr.model.geometry import Cubic, Profile
 
@@ -35,6 +35,8 @@ _SHORTEST = 0.3
 """
 _NARROWEST = 0.1
 """Lanes nowhere wider than this (m) are left out."""
+_BACK = 2.0
+"""Distance (m) from which on a lane begins behind the end of another."""
 _BESIDE = 0.05
 """Greatest distance (m) of the borders of neighbours that share one."""
 _STEP, _HALVINGS = 16.0, 6
@@ -397,17 +399,33 @@ def _usable(lane_map: LaneMap) -> tuple[dict[str, MapLane], list[str]]:
     notes = [f"{len(narrow)} lanes without width are left out"] if narrow else []
     notes += [f"{len(closed)} lanes of type none are left out"] if closed else []
     gone = narrow | closed
-    kept = {}
+    kept, behind = {}, []
     for name, lane in lane_map.lanes.items():
         if name not in short | gone:
             following = list(dict.fromkeys(_following(lane_map.lanes, lane, short, gone, 4)))
+            backward = [other for other in following if _behind(lane, lane_map.lanes[other])]
+            behind += [f"{name} to {other}" for other in backward]
+            following = [other for other in following if other not in backward]
             # A lane that follows itself was closed by the map; others must not become rings by what
             # is left out.
             ring = name in lane.successors
             kept[name] = replace(
                 lane, successors=[other for other in following if other != name or ring]
             )
+    if behind:
+        notes.append(
+            "links are left out, since the next lane begins behind the end of the one before:"
+            f" {', '.join(behind)}"
+        )
     return kept, notes
+
+
+def _behind(lane: MapLane, following: MapLane) -> bool:
+    """Whether a lane that is said to follow begins farther back than the other ends: a road that
+    leads from one to the other would turn about."""
+    end, begin = lane.centre[-1, :2], following.centre[0, :2]
+    ahead = end - at_lengths(lane.centre, np.array([max(lane.length - 1.0, 0.0)]))[0, :2]
+    return bool(np.hypot(*(begin - end)) > _BACK and (begin - end) @ ahead < 0.0)
 
 
 def _following(

@@ -4,6 +4,7 @@ there, and kept fields are read back.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
@@ -503,6 +504,23 @@ def test_a_crosswalk_without_an_area_is_left_out_by_name(
     made = maps.convert(source, tmp_path / ENDINGS[target])
     assert "crosswalks without an area are left out: 1/10" in made.notes
     assert made.result.crosswalks == []
+
+
+def test_a_link_that_would_turn_a_road_about_is_left_out_by_name(tmp_path: Path) -> None:
+    """Files of others exchange what comes before a lane and what comes after it."""
+    there = maps.convert(LIBRARY / "highway_on_ramp.xodr", tmp_path / "map.geojson")
+    content = json.loads(there.path.read_text(encoding="utf-8"))
+    lanes = [
+        item["properties"] for item in content["features"] if "successors" in item["properties"]
+    ]
+    first, second = next((lane["id"], name) for lane in lanes for name in lane["successors"])
+    for lane in lanes:
+        lane["successors"] = [first] if lane["id"] == second else []
+    there.path.write_text(json.dumps(content), encoding="utf-8")
+    made = maps.convert(there.path, tmp_path / "back.xodr")
+    assert any(note.endswith(f"behind the end of the one before: {second} to {first}")
+               for note in made.notes)  # fmt: skip
+    assert made.difference.within > 0.95 and not made.difference.lost
 
 
 def strips() -> RoadMap:

@@ -28,7 +28,7 @@ from xodr.formats.lanelet2.reader import read_lanelets
 from xodr.formats.lanelet2.signs import MADE, element_tags, face, way_tags
 from xodr.formats.maps.lane_map import (
     LaneMap,
-    LanesUnder,
+    LanesByPlace,
     MapCrosswalk,
     MapLane,
     MapPole,
@@ -462,7 +462,7 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
         MapCrosswalk(area.id, np.column_stack([area.outline, _heights_beside(area.outline, made)]))
         for area in found.crosswalks
     )
-    index = LanesUnder(made)
+    index = LanesByPlace(made)
     return LaneMap(
         path.stem, made, signals, projection, offset, notes=[*found.notes, *added, *left_out],
         crosswalks=areas, priorities=found.priorities, poles=found.poles,

@@ -285,7 +285,7 @@ def _other_objects(network: RoadNetwork) -> dict[str, int]:
 
 def _marked_stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane]) -> Iterator[MapStopLine]:
     """The stop lines that are objects, along the middle of their longer side."""
-    index = LanesUnder(lanes)
+    index = LanesByPlace(lanes)
     for road in network.roads.values():
         for item in filter(_is_stop_line, road.objects):
             outline = outline_of(road, item)
@@ -366,7 +366,7 @@ _UNDER, _STOREY = 0.5, 3.0
 end, and difference of heights (m) from which on a lane is one of a bridge."""
 
 
-class LanesUnder:
+class LanesByPlace:
     """Lanes by place, to look up those that stop lines cross.
 
     Args:
