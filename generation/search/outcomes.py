@@ -7,6 +7,7 @@ cases.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, asdict, dataclass, field, fields, replace
 from functools import partial
@@ -336,9 +337,19 @@ def _row(found: Outcome) -> dict[str, Any]:
     ended = {
         "end_time": found.end_time or 0.0,
         "status": status,
-        "error": found.message if lost else "",
+        "error": _from_here(found.message, found.job.scenario) if lost else "",
     }
     return {**NOTHING, **found.measures, **ended}
+
+
+def _from_here(message: str, scenario: Path) -> str:
+    """The message with files named from the folder of the scenario: the same search in another
+    folder has the same history.
+    """
+    for folder in (scenario.parent, scenario.resolve().parent):
+        if folder.name:
+            message = message.replace(f"{folder}{os.sep}", "")
+    return message
 
 
 def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:

@@ -14,6 +14,9 @@ _BLOCK = 2
 """Cells along each axis that are averaged."""
 _COMPONENTS, _FITTED = 128, 4000
 """Components, and windows that they are fitted on, at most."""
+_WINDOWS = 8
+"""Windows for each component, at least. Of fewer, components follow the training windows: these
+then lie further from each other than test windows do, and distances learnt on them mislead."""
 _BATCH = 1000
 
 
@@ -29,9 +32,8 @@ def pixel_features(training: NDArray[np.uint8], grids: NDArray[np.uint8], seed: 
 
     chosen = np.random.default_rng(seed).permutation(len(training))[:_FITTED]
     sample = _coarse(training[np.sort(chosen)])
-    model = PCA(min(_COMPONENTS, *sample.shape), svd_solver="randomized", random_state=seed).fit(
-        sample
-    )
+    most = min(_COMPONENTS, max(len(sample) // _WINDOWS, 1), sample.shape[1])
+    model = PCA(most, svd_solver="randomized", random_state=seed).fit(sample)
     parts = [
         model.transform(_coarse(grids[start : start + _BATCH]))
         for start in range(0, len(grids), _BATCH)

@@ -89,6 +89,8 @@ def test_an_episode_that_can_not_run_says_why() -> None:
         found = evaluator(np.array([[-20.0], [30.0]]))
     assert found.executed.tolist() == [False, True]
     assert found.status[0] == "error"
+    # Without the folder: the same search in another one has the same bytes.
+    assert found.error[0].startswith(f"{CUT_IN.name}:31: ParameterDeclaration: ")
     assert "CutIn_Gap_m" in found.error[0]
     assert found.error[1] == ""
 

@@ -77,7 +77,7 @@ def test_components_tell_windows_apart_that_look_different() -> None:
     grids = np.random.default_rng(0).integers(0, 40, (60, 4, 2, 9, 21), dtype=np.uint8)
     grids[labels == 1, :, :, 2:6, 4:8] += 150
     found = pixel_features(grids[:30], grids, seed=0)
-    assert found.shape == (60, 30)
+    assert found.shape == (60, 3)
     means = [found[labels == label].mean(axis=0) for label in (0, 1)]
     assert np.linalg.norm(means[0] - means[1]) > 5 * found[labels == 0, 1].std()
     assert np.array_equal(found, pixel_features(grids[:30], grids, seed=0))
