@@ -9,7 +9,7 @@ edge cases and files, in the end and in between."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -28,7 +28,7 @@ from generation.estimation.estimate import (
     Known,
     estimate,
 )
-from generation.estimation.probability import FailingDraws, Probability, driving
+from generation.estimation.probability import Driving, FailingDraws, Probability, driving
 from generation.search.gate import (
     EVERYWHERE,
     NEAR,
@@ -40,7 +40,6 @@ from generation.search.gate import (
     replay_shares,
 )
 from generation.search.methods.judging import NOT_JUDGED, JudgeCounts, Judging
-from generation.search.methods.repeats import Repeats
 from generation.search.outcomes import (
     Cases,
     Drivers,
@@ -48,6 +47,7 @@ from generation.search.outcomes import (
     Evaluate,
     Evaluator,
     Outcomes,
+    Repeats,
     agrees,
     choose,
     joined,
@@ -131,6 +131,8 @@ class Generated:
         statement: bound on the probability of failures that were not found, from the unguided draws
             of this call.
         draws: the unguided draws of this call; None where there were none.
+        played: the bound by draws that measured the density in arrays, whose verdicts are those of
+            all `draws`; None where none were played in the space of the search.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
         bound: result of the draws that were asked for by `settings.until`; None where they were
@@ -139,6 +141,7 @@ class Generated:
         not_found: probability of failures that the search has not found, by the estimate; None
             where there is none, or too few of its draws fail: then the unguided draws bound it.
         limits: by which runs fail besides collisions (`RunSettings.fail_if`).
+        driving: how often recordings have the manoeuvre, or why that is not known.
         plays: how many points were played with the system under test to choose the runs of the
             search; 0 where its scenario does not play in arrays.
         judged: verdicts on failures during the search; none where plays give them.
@@ -167,6 +170,13 @@ class Generated:
     density: str = DEFAULT
     not_found: Probability | None = None
     limits: tuple[str, ...] = ()
+    driving: Driving | str = ""
+    played: Statement | None = None
+
+    @property
+    def lost(self) -> bool:
+        """Whether it ended since all its draws ended with errors."""
+        return not len(self.history.theta) and _all_errors([self.episodes.outcomes])
 
     @property
     def failure(self) -> str:
@@ -191,7 +201,9 @@ class Generated:
         """Sentence about failures that the search has not found, of the same draws as the
         probability of all."""
         if self.not_found is None or self.measure is None:
-            return str(self.statement)
+            if self.played is None or not self.statement.draws:
+                return str(self.statement)
+            return f"{self.statement}; {self.played.in_arrays}"
         low, high = self.not_found.interval
         found = f"{self.not_found.value:.1e} ({low:.1e} to {high:.1e})"
         found = f"of {found}" if self.not_found.value > 0.0 else f"below {high:.1e}"
@@ -262,6 +274,8 @@ def generate(
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
+        if work.lost:  # whatever is sought would end with the same errors
+            return work.made(work.course.history, ended=False)
         try:
             history = work.search(search)
         except TimeOver:
@@ -351,7 +365,7 @@ class _Work:
                 _most_plays(self._plays, settings) / 2,
             )
         )
-        self._gate = _gate(asked, self.unseen, out, self._plays, timed, clock)
+        self._gate, self._measuring = _gate(asked, self.unseen, out, self._plays, timed, clock)
         self._screen, self._measured = timed, timed.played if timed is not None else 0
         judges = clock.limited(counted_drivers(self._drivers, progress))
         self._judges = judges_of(settings.judges, settings.domain)
@@ -379,6 +393,11 @@ class _Work:
         settings = self._asked.settings
         return method(self._problem, settings.budget - drawn_of(settings.budget), settings.seed)
 
+    @property
+    def lost(self) -> bool:
+        """Whether all draws ended with errors."""
+        return _all_errors([self.unseen.outcomes])
+
     def _drawn(self) -> Episodes:
         """Unguided draws, as many as there is time for."""
         asked, settings = self._asked, self._asked.settings
@@ -386,8 +405,12 @@ class _Work:
             drawn_of(settings.budget),
             np.random.default_rng([settings.seed, len(asked.space.names)]),
         )
-        draw = counted(self._draws, self._progress)
-        outcomes = joined([draw(part) for part in self._clock.parts(theta, _DRAWN_UNTIL)])
+        draw, parts = counted(self._draws, self._progress), list[Outcomes]()
+        for part in self._clock.parts(theta, _DRAWN_UNTIL):
+            parts.append(draw(part))
+            if _all_errors(parts):
+                break
+        outcomes = joined(parts)
         theta = theta[: len(outcomes)]
         return Episodes(theta, outcomes, asked.reward(theta, outcomes))
 
@@ -417,6 +440,9 @@ class _Work:
         statement = _statement(
             space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
         )
+        played = None
+        if self._measuring is not None:
+            played = _statement(space, runs.episodes(reward), *self._measuring)
         generated = Generated(
             space, asked.real, asked.prior, history, every, cases, files, self._gate, runs.reused,
             rate,
@@ -427,6 +453,7 @@ class _Work:
             judged=NOT_JUDGED if self._judging is None else self._judging.counts,
             bound=bound, density=settings.density, guidance=self._problem.guidance,
             not_found=_not_found(space, runs.episodes(reward), rate), limits=settings.run.fail_if,
+            driving=driving(asked.source, space, asked.prior), played=played,
         )  # fmt: skip
         write_object(
             summary(asked.scenario, generated, settings), self._out / summary_file(asked.scenario)
@@ -539,6 +566,15 @@ class _Course:
         return History(*Episodes.joined(self._parts))
 
 
+_LOST = 20
+"""Draws that all end with errors after which a search ends"""
+
+
+def _all_errors(parts: Sequence[Outcomes]) -> bool:
+    outcomes = joined(parts)
+    return len(outcomes) >= _LOST and bool((outcomes.status == "error").all())
+
+
 _DRAWN_UNTIL = 0.3
 """Share of the time after which nothing more is drawn"""
 
@@ -566,24 +602,24 @@ def _gate(
     plays: ArrayPlays | None,
     timed: TimedPlays | None,
     clock: SearchClock,
-) -> Gate:
+) -> tuple[Gate, _Measuring | None]:
     """Measure a density: by plays where these have the verdicts of all unguided
     draws, else by these draws and by runs.
 
     Recorded units have their own values of what is pinned, and so have the draws that are
-    played.
+    played: where nothing is pinned, these are draws of the search's space, and are returned too.
     """
     scenario, space, recorded, settings = asked.scenario, asked.space, asked.source, asked.settings
     drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
-        return Gate(None, drawn)
+        return Gate(None, drawn), None
     (own, units), generator = replays, np.random.default_rng(0)
     units = units[generator.permutation(len(units))]
     # Without pinned parameters the units are points of the space itself.
     replaying = plays if own.names == space.names else _plays(scenario, own, settings)
     ran = unseen.outcomes.executed
     if not ran.any():
-        return Gate(Share(0, 0), drawn)  # which is not testable
+        return Gate(Share(0, 0), drawn), None  # which is not testable
     try:
         if (
             timed is not None
@@ -592,14 +628,18 @@ def _gate(
         ):
             return _played_gate(asked, own, units, replaying, generator, clock)
     except TimeOver:
-        return Gate(Share(0, 0), drawn)  # which is not testable
+        return Gate(Share(0, 0), drawn), None  # which is not testable
     least, most = _REPLAYED
     with evaluator_of(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
         number = min(settings.budget, max(least, min(settings.budget // 10, most)))
         outcomes = joined([replay(part) for part in clock.parts(units[:number], _GATED_UNTIL)])
         replayed, unprevented = replay_shares(units[: len(outcomes)], outcomes, evaluator)
-    return Gate(replayed, drawn, unprevented)
+    return Gate(replayed, drawn, unprevented), None
+
+
+_Measuring = tuple[FloatArray, Outcomes]
+"""Draws (n, d) that measured a density, and their outcomes in arrays"""
 
 
 def _played_gate(
@@ -609,7 +649,7 @@ def _played_gate(
     plays: ArrayPlays,
     generator: np.random.Generator,
     clock: SearchClock,
-) -> Gate:
+) -> tuple[Gate, _Measuring | None]:
     """Measure a density by plays of recorded units (n, d) in a space of their own, and of draws, as
     many as a share of the time allows.
 
@@ -638,7 +678,13 @@ def _played_gate(
             break
     outcomes = joined(replayed)
     share, unprevented = replay_shares(units[: len(outcomes)], outcomes, plays)
-    return Gate(share, Share.of(joined(drawn)), unprevented, True)
+    found = joined(drawn)
+    gate, draws = Gate(share, Share.of(found), unprevented, True), draws[: len(found)]
+    if own.names != asked.space.names or own.pinned != asked.space.pinned:
+        return gate, None
+    # Outside of the domain nothing is foreseeable, and no draw of the search is.
+    inside = asked.domain.holds(asked.space, draws)
+    return gate, (draws[inside], found.take(inside))
 
 
 def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:
@@ -698,6 +744,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "preventable_by": made.cases.prevented_by(),
         "repeats": None if made.cases.repeats is None else made.cases.repeats.as_json(),
         "statement": made.statement.as_json(),
+        "played": None if made.played is None else made.played.as_json(),
         "not_found": None if made.not_found is None else made.not_found.as_json(),
         "until": None if made.bound is None else made.bound.as_json(),
         "limits": list(made.limits),

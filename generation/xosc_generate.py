@@ -224,6 +224,7 @@ def _found(
     In a catalogue the next one follows where one can't be searched.
     """
     from generation.pipeline import generate
+    from generation.report.assurance import Assurance
     from generation.report.regression import Before, Tried, regression
     from generation.report.report import render, write_report
 
@@ -238,14 +239,15 @@ def _found(
             )  # fmt: skip
         if before is not None:
             compared = regression(before, scenario, Tried.of(generated), settings)
-        page = write_report(scenario, generated, settings, search.out, compared)
+        assured = Assurance.of(scenario, generated, settings)
+        page = write_report(scenario, generated, settings, search.out, compared, assured)
     except UsageError as error:
         if not catalogue or isinstance(error, NotWritten):
             raise
         say(f"{NAME}: {error}", to=sys.stderr)
         return ExitCode.FINDING
-    if not quiet:
-        say(*_report(scenario, generated, settings))
+    if not quiet and not generated.lost:
+        say(*_report(scenario, generated, settings), *(f"  {line}" for line in assured.lines()))
         if compared is not None:
             say(f"  {compared}")
         say(f"  {page} shows all of it")
@@ -261,8 +263,9 @@ def _found(
         several = f"{many(len(untested), 'run')} inconclusive, the first"
         say(f"{NAME}: {scenario.name}: {several}: {untested[0]}", to=sys.stderr)
     if lost and len(errors):
+        after = f"ended after {many(len(errors), 'draw')}: " if generated.lost else ""
         say(
-            f"{NAME}: {scenario.name}: no run succeeded, the first error: {errors[0]}",
+            f"{NAME}: {scenario.name}: {after}no run succeeded, the first error: {errors[0]}",
             to=sys.stderr,
         )
         return ExitCode.INTERNAL
@@ -290,18 +293,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         f"{many(drawn.failing, generated.failure)}; {_prior(generated)}"
     )
     chosen = f", chosen by {many(generated.plays, 'play')}" if generated.plays else ""
-    if len(outcomes):
-        collisions, risk = (
-            many(int(outcomes.collision.sum()), generated.failure),
-            outcomes.r_risk.mean(),
-        )
-        yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
-    elif generated.cut:
-        yield f"  no sought runs{chosen}: the time was over before"
-    else:
-        yield (
-            f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
-        )
+    yield from _sought(generated, chosen)
     yield from _course(generated, settings)
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
@@ -350,6 +342,23 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield (
             f"  and {many(len(generated.files) - _LISTED, 'more file')} in "
             f"{generated.files[0].parent}"
+        )
+
+
+def _sought(generated: Generated, chosen: str) -> Iterator[str]:
+    """Yield a line on the sought runs, or why there are none."""
+    outcomes = generated.history.outcomes
+    if len(outcomes):
+        collisions, risk = (
+            many(int(outcomes.collision.sum()), generated.failure),
+            outcomes.r_risk.mean(),
+        )
+        yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
+    elif generated.cut:
+        yield f"  no sought runs{chosen}: the time was over before"
+    else:
+        yield (
+            f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails in plays"
         )
 
 

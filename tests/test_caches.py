@@ -58,6 +58,7 @@ CACHES = {
     "runner.batch.inputs._referred": FILE,
     "runner.judging.criteria.criterion.kinds": PROGRAM,
     "xodr.lookup.lanelets.lanelets": OBJECT,
+    "runner.judging.measures.measure._formula": VALUE,
     "runner.judging.measures.measure._of_plugins": PROGRAM,
     "runner.judging.measures.measure._own": PROGRAM,
     "runner.judging.measures.relations.common": OBJECT,

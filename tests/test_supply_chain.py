@@ -57,7 +57,7 @@ def test_every_direct_dependency_is_locked() -> None:
         named += more
     wanted = (
         {name_of(re.split(r"[\[<>=!~]", one)[0]) for one in named}
-        - {"xosc-toolchain"}
+        - {"xosc-toolchain", "rtamt"}  # whose antlr4-python3-runtime 4.7 has no wheel
         - WITHOUT_DIGEST
     )
     assert not wanted - versions(LOCK).keys()

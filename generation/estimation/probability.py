@@ -356,6 +356,17 @@ class Driving:
         driven = {PER_HOUR: self.exposure.hours, PER_DISTANCE: self.exposure.kilometres / _DISTANCE}
         return {name: share * self.count / amount for name, amount in driven.items()}
 
+    @property
+    def met(self) -> dict[str, Rate]:
+        """Recorded manoeuvres per hour and per 1,000 km, by these names, with intervals of their
+        counts."""
+        low, high = np.quantile(self._counts, (_TAIL, 1.0 - _TAIL)).tolist()
+        driven = {PER_HOUR: self.exposure.hours, PER_DISTANCE: self.exposure.kilometres / _DISTANCE}
+        return {
+            name: Rate(self.count / amount, (low / amount, high / amount))
+            for name, amount in driven.items()
+        }
+
     @cached_property
     def _counts(self) -> FloatArray:
         """Draws of the number of manoeuvres (n,) in as much driving.
@@ -412,7 +423,10 @@ class Driving:
             "within_limits": self.possible,
             "of_units": self.units,
         }
-        return {**driven, **of, "simulated": self.simulated, "sites": self.by_site()}
+        met = {name: [rate.value, *rate.interval] for name, rate in self.met.items()}
+        return {
+            **driven, **of, "met": met, "simulated": self.simulated, "sites": self.by_site()
+        }  # fmt: skip
 
     def __str__(self) -> str:
         driven = f"{self.exposure.hours:,.1f} h and {self.exposure.kilometres:,.0f} km of "

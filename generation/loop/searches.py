@@ -121,7 +121,8 @@ def search(
         return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
     found, cases = failures(made.space, made.history, known), list(_cases(made, out))
     real = target.recorded(made.space).within(made.space).theta
-    outcomes = made.history.outcomes
+    # Where all draws end with errors nothing is sought: these say why.
+    outcomes = (made.episodes if made.lost else made.history).outcomes
     errors = Counter(outcomes.error[~outcomes.executed].tolist())
     mostly = max(sorted(errors), key=errors.__getitem__, default="")
     return replace(

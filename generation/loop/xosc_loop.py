@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.report.options import FailIf, budget_within_limits, fates
+from generation.report.options import Failing, budget_within_limits, fates, limits_and_fates
 from generation.search.settings import LoopSettings
 from schemas.common.errors import ExitCode, UsageError, exit_codes
 from schemas.common.terminal.command_line import (
@@ -67,7 +67,7 @@ def xosc_loop(
         Path | None,
         typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]"),
     ] = None,
-    fail_if: FailIf = None,
+    fail_if: Failing = None,
     allow_inconclusive: AllowInconclusive = False,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -84,6 +84,9 @@ def xosc_loop(
     are replayed, and are fixed or still there; those found now that are unlike them are new where
     the former system survives them.
 
+    --fail-if searches failures by limits of measures, criteria and formulas too, and judges all
+    runs by them.
+
     Recordings that can't be read, and scenarios that can't be read, run or searched are listed with
     the reason; the others go on.
 
@@ -98,7 +101,9 @@ def xosc_loop(
         settings, model=_model(labels, model), budget=budget_within_limits(settings.budget, 0, NAME)
     )
     _refuse_wrong(settings)
-    wanted = fates(fail_if, settings.against)
+    limits, others = limits_and_fates(fail_if)
+    settings = replace(settings, run=replace(settings.run, fail_if=limits))
+    wanted = fates(others, settings.against)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(
             folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet)

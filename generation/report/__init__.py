@@ -3,6 +3,7 @@ system.
 
 Modules:
 
+- `assurance`: what a search tested, what failures depend on, what it can and cannot say
 - `counterexamples`: failures as a tester reads them: measures, counterexamples
 - `options`: the options that several commands of generation take besides whole settings
 - `page`: styles and scripts of its page

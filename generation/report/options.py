@@ -24,22 +24,13 @@ Kind = Annotated[str | None, option_of(Ask, "kind")]
 Density = Annotated[str, option_of(Ask, "density")]
 Pin = Annotated[list[str] | None, option_of(Ask, "pinned")]
 Ray = Annotated[str | None, option_of(SearchSettings, "ray")]
-FailIf = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--fail-if",
-        metavar="FATE",
-        help="With --against, what ends with exit code 1: new, still-there (repeatable).  "
-        "[default: new]",
-    ),
-]
 Failing = Annotated[
     list[str] | None,
     typer.Option(
         "--fail-if",
         metavar="LIMIT",
-        help="Search failures by a limit, as min_ttc<1; with --against: new, still-there "
-        "(repeatable).",
+        help="Search failures by a limit, as min_ttc<1 or KeepLaneTest; with --against: new, "
+        "still-there (repeatable).",
     ),
 ]
 

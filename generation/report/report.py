@@ -19,6 +19,7 @@ from generation.estimation.probability import (
     Rate,
 )
 from generation.pipeline import Generated, evaluator_of
+from generation.report.assurance import Assurance
 from generation.report.counterexamples import (
     Counterexample,
     Counterexamples,
@@ -280,7 +281,8 @@ class SearchReport:
         regions: groups of failures with rules, the most important first. members: replays of their
             typical and likeliest members, by `_member`. against: the comparison with another
             version of the system; None where there is none. parts: probabilities of regions, of
-            the others and of all failures, which add up; None without failures.
+            the others and of all failures, which add up; None without failures. assured: what the
+        search can and cannot say.
     """
 
     scenario: Path
@@ -290,6 +292,7 @@ class SearchReport:
     regions: Sequence[FailureRegion]
     members: Mapping[str, FailureReplay]
     counterexamples: Counterexamples
+    assured: Assurance
     against: Regression | None = None
     parts: FailureParts | None = None
 
@@ -300,15 +303,19 @@ def write_report(
     settings: SearchSettings,
     out: Path,
     against: Regression | None = None,
+    assured: Assurance | None = None,
 ) -> Path:
     """Write the page and its counterexamples into the search's folder; the same search gives the
     same bytes.
+
+    Args:
+        assured: of the search, where it is known.
 
     Raises:
         UsageError: something else is in the way there, or another search.
     """
     with alone(out, "a search"):
-        return render(scenario, generated, settings, out, against)
+        return render(scenario, generated, settings, out, against, assured)
 
 
 def render(
@@ -317,6 +324,7 @@ def render(
     settings: SearchSettings,
     out: Path,
     against: Regression | None = None,
+    assured: Assurance | None = None,
 ) -> Path:
     """`write_report` for a caller that has the folder for itself."""
     outcomes = generated.episodes.outcomes
@@ -338,9 +346,11 @@ def render(
         found,
         members,
         examples,
+        assured or Assurance.of(scenario, generated, settings),
         against,
         parts,
     )
+    write_object(report.assured.as_json(), out / f"{scenario.stem}_assurance.json")
     regional = {
         "regions": _regions(report, of, out),
         "probabilities": None if parts is None else parts.as_json(),
@@ -395,6 +405,7 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         "cases": list(_cases(report, of)),
         "file": f"{scenario.stem}_edge_cases.xosc" if len(generated.cases) else None,
         "against": _against(report, out),
+        "assured": report.assured.as_json(),
         "settings": _settings(report),
     }
 

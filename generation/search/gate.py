@@ -114,6 +114,15 @@ class Statement(NamedTuple):
         bounds = {"unknown_below": self.unknown, "all_below": self.total, "confidence": CONFIDENCE}
         return {**self._asdict(), "near": NEAR, **bounds}
 
+    @property
+    def in_arrays(self) -> str:
+        """Sentence where the draws were played in arrays that agree with all runs."""
+        return (
+            f"{self.failing} of {many(self.draws, 'draw')} in arrays, which have the verdicts of "
+            f"all these, fail, {self.outside} unlike all that the search found: by them it is "
+            f"below {self.unknown:.2g}"
+        )
+
     def __str__(self) -> str:
         if not self.draws:
             return (

@@ -174,7 +174,12 @@ def _compiled(
             resolved = replace(resolved, remarks=(*resolved.remarks, *assumed))
             scenario = compile_scenario(resolved, network, strict=settings.strict)
             # Criteria watch single runs: their findings have no arrays.
-            if criteria := declared(resolved.node.need("Storyboard")):
+            limits = (limit.criterion for limit in settings.limits)
+            criteria = [
+                *declared(resolved.node.need("Storyboard")),
+                *(criterion for criterion in limits if criterion is not None),
+            ]
+            if criteria:
                 raise NotInArrays(f"{criteria[0].name}: criteria are judged in single runs only")
         except NotInArrays:
             raise

@@ -279,8 +279,10 @@ class Session:
         recording = sim.recorder.recording()
         driven = ego if system is not None else None
         asked = system_name(self.settings.sut)
+        limits = (limit.criterion for limit in self.settings.limits)
+        by_limits = (criterion for criterion in limits if criterion is not None)
         criteria = results_of_criteria(
-            self._compiled.criteria, compiled, sim.contacts, recording, ego
+            (*self._compiled.criteria, *by_limits), compiled, sim.contacts, recording, ego
         )
         observed = Observed(compiled, sim, recording, self._departures, ego, asked, criteria)
         verdict = judge(sim.contacts, ego, criteria, collect(observed, self.settings.least_values))

@@ -106,9 +106,11 @@ def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
 
 
 def margin(result: RunResult, limits: Sequence[Limit]) -> float:
-    """Least signed distance of a run to its limits (`Limit.margins`); infinite without limits."""
+    """Least signed distance of a run to its limits (`Limit.margins`) and to failures by criteria;
+    infinite without any."""
     facts = _facts(result)
-    return min((limit.margin(facts) for limit in limits), default=math.inf)
+    by_criteria = (found.margin for found in result.verdict.criteria)
+    return min((*by_criteria, *(limit.margin(facts) for limit in limits)), default=math.inf)
 
 
 def _facts(result: RunResult) -> Facts:
@@ -121,6 +123,8 @@ def _facts(result: RunResult) -> Facts:
         [(entry.kind, f"{entry.subject} {entry.text} at {entry.time:.2f} s") for entry in own],
         result.status,
         result.end_time,
+        result.verdict.criteria,
+        criticality,
     )
 
 

@@ -62,6 +62,7 @@ _EXTRAS = {
     "osi_utilities": "osi",
     "ray": "ray",
     "rosbags": "ros",
+    "rtamt": "stl",
     "safetensors": "recognition",
     "sklearn": "search",
     "threadpoolctl": "search",
@@ -84,6 +85,7 @@ _WITHOUT = {
         "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules "
         "makes catalogues"
     ),
+    "stl": "--fail-if takes measures, events and criteria",
     "study": "xosc-generate searches by its own methods",
 }
 """Functions that work without an extra."""

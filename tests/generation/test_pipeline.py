@@ -156,3 +156,42 @@ def test_the_density_of_a_system_without_plays_is_measured_by_plays_in_arrays(
     found = generate(CUT_IN, TRAFFIC, tmp_path, settings)
     assert found.plays == 0, "so few runs are made sooner than plays that choose them"
     assert found.gate.played and found.gate.testable
+
+
+class Broken:
+    """A system of which no run succeeds."""
+
+    def reset(self, ego: object, timestep: float, seed: int) -> None:
+        """Nothing to do."""
+
+    def control(self, observation: object, dt: float) -> object:
+        """Fail."""
+        raise RuntimeError("no licence server")
+
+
+def test_a_search_ends_where_all_its_draws_end_with_errors(tmp_path: Path) -> None:
+    run = RunSettings(sut=Broken(), timestep=0.1, world="kinematic")
+    settings = replace(QUICK, run=run, budget=400, plays=0)
+    made = generate(CUT_IN, TRAFFIC, tmp_path, settings)
+    assert made.lost and not len(made.history.theta) and not made.files
+    assert len(made.episodes.outcomes) == 50 < 100  # of a quarter of the budget
+    assert "no licence server" in made.episodes.outcomes.error[0]
+    # Few draws are no reason to end: they may fail by chance.
+    few = generate(CUT_IN, TRAFFIC, tmp_path / "few", replace(settings, budget=20))
+    assert not few.lost and len(few.history.theta) == 10
+
+
+def test_draws_in_arrays_that_measure_the_density_bound_what_was_not_found(tmp_path: Path) -> None:
+    run = RunSettings(sut="cas", timestep=0.1, world="kinematic")
+    settings = replace(QUICK, run=run, plays=8000)
+    made = generate(CUT_IN, TRAFFIC, tmp_path / "whole", settings)
+    assert made.played is not None
+    assert made.played.draws > 10 * made.statement.draws
+    assert made.played.unknown < made.statement.unknown
+    assert "draws in arrays, which have the verdicts of all these" in made.stated
+    slow = replace(settings, domain=("Ego_Speed_mps=0..25",))
+    inside = generate(CUT_IN, TRAFFIC, tmp_path / "slow", slow)
+    assert inside.played is not None
+    assert 0 < inside.played.draws < made.played.draws
+    pinned = replace(settings, pinned={"Ego_Speed_mps": "30"})
+    assert generate(CUT_IN, TRAFFIC, tmp_path / "pinned", pinned).played is None

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import schemas
-from generation.search.methods.repeats import Repeats, Run
+from generation.search.outcomes import Repeats, Run
 from generation.space.logical.library import SCENARIOS
 from generation.xosc_generate import main
 from runner.systems import Control, Observation, Participant

@@ -31,6 +31,7 @@ document.body.append(
       slices(),
       examples(),
       drivers(),
+      assurance(),
       method(),
     ].filter(Boolean),
   ),

@@ -285,6 +285,68 @@ function against() {
   );
 }
 
+function assurance() {
+  const { can, cannot, coverage, sensitivity, exposure, versions, digests } = data.assured;
+  const list = (title, sentences) => [
+    el("h3", null, title),
+    el("ul", null, ...sentences.map(text => el("li", null, `${text[0].toUpperCase()}${text.slice(1)}.`))),
+  ];
+  const rows = typeof sensitivity === "string" ? [] : Object.entries(sensitivity.total);
+  const indices = table(
+    "Sobol indices of failure",
+    [
+      ["parameter", null],
+      ["alone [95 %]", "number"],
+      ["with all others [95 %]", "number"],
+    ],
+    rows.map(([name, total]) =>
+      el(
+        "tr",
+        null,
+        el("th", { scope: "row" }, name),
+        ...[sensitivity.first[name], total].map(found => {
+          const [at, low, high] = found.map(each => each.toFixed(2));
+          return cell(`${at} [${low}, ${high}]`);
+        }),
+      ),
+    ),
+  );
+  const pairs = each => Object.entries(each).flatMap(([name, text]) => [el("dt", null, name), el("dd", null, text)]);
+  return panel(
+    "What this search can and cannot say",
+    ...list("It says", can),
+    ...list("It does not say", cannot),
+    el("h3", null, "Tested cells"),
+    note(
+      `The range of each parameter that holds 99 % of the density has ${coverage.parts} equal parts, or the values of a set; ` +
+        `cells of each two parameters (${many(coverage.pairs, "pair")}) without a foreseeable draw of the density are left out. `,
+      coverage.untested.length ? `Likeliest without a run: ${coverage.untested.join("; ")}.` : "Each has a run.",
+    ),
+    el("h3", null, "What failures depend on"),
+    ...(rows.length
+      ? [
+          indices,
+          note(
+            "Sobol indices: shares of the variance of failure, where parameters vary evenly and independently in that range, " +
+              "by models of the runs; intervals are those of models of runs drawn anew.",
+          ),
+        ]
+      : [note(sensitivity)]),
+    el("h3", null, "Exposure"),
+    typeof exposure === "string"
+      ? note(exposure)
+      : note(
+          `${exposure.kind}: ${many(exposure.manoeuvres, "manoeuvre")} in ${figure(exposure.hours, 4)} h and ` +
+            `${figure(exposure.kilometres, 4)} km of ${exposure.simulated ? "simulated " : ""}driving; ` +
+            Object.entries(exposure.met)
+              .map(([name, rate]) => `${spanned(rate)} ${name}`)
+              .join(", "),
+        ),
+    el("h3", null, "Versions and digests"),
+    el("dl", null, ...pairs(versions), ...pairs(digests)),
+  );
+}
+
 function method() {
   const told = Object.entries(data.settings).flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]);
   const [measured, recorded, refusal] = data.gate;

@@ -69,24 +69,40 @@ _CLEAR, _BRAKED = 0.1, 0.8
 collision"""
 
 
-_LIMITED = 0.9
-"""Nearness of a run that only just keeps its limits"""
+_LIMITED, _TYPICAL = 0.9, 8.0
+"""Nearness of a run that only just keeps its limits, and how often that is as much as of a run with
+the typical margin, about"""
 
 
-def nearness(outcomes: Outcomes) -> FloatArray:
+def typical_margin(outcomes: Outcomes) -> float:
+    """Median margin of runs that keep their limits, about `_TYPICAL` where none has one.
+
+    Margins have the units of their limits: what is far is known from runs alone.
+    """
+    kept = outcomes.margin[outcomes.executed & np.isfinite(outcomes.margin)]
+    kept = kept[kept > 0.0]
+    return float(np.median(kept)) if len(kept) else _TYPICAL
+
+
+def nearness(outcomes: Outcomes, typical: float = _TYPICAL) -> FloatArray:
     """Nearness to a failure (n,), 0 to below 1: by least clearance and greatest DRAC to a
-    collision, by the margin to limits, whichever is nearer; 0 where no run took place."""
+    collision, and by the margin to limits; 0 where no run took place.
+
+    Args:
+        typical: margin that counts as far.
+    """
     near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(
         outcomes.max_drac / _HARD, 1.0
     )
     # Slower than an exponential: far from a limit there is still a way to it.
-    near = np.maximum(near, _LIMITED / (1.0 + np.maximum(outcomes.margin, 0.0)))
-    return np.where(outcomes.executed, near, 0.0)
+    limited = _LIMITED / (1.0 + _TYPICAL * np.maximum(outcomes.margin, 0.0) / typical)
+    # Either may lead: a margin that is the same everywhere must not hide collisions.
+    return np.where(outcomes.executed, 1.0 - (1.0 - near) * (1.0 - limited), 0.0)
 
 
-def scores(outcomes: Outcomes) -> FloatArray:
+def scores(outcomes: Outcomes, typical: float = _TYPICAL) -> FloatArray:
     """1 for a failure, otherwise nearness (n,)."""
-    return np.where(outcomes.executed & outcomes.collision, 1.0, nearness(outcomes))
+    return np.where(outcomes.executed & outcomes.collision, 1.0, nearness(outcomes, typical))
 
 
 _TREES = 100
@@ -99,12 +115,12 @@ _NEAR = 0.1
 """Weight of the nearest miss relative to a failure"""
 
 
-def likely(outcomes: Outcomes) -> FloatArray:
+def likely(outcomes: Outcomes, typical: float = _TYPICAL) -> FloatArray:
     """1 for a failure, otherwise a small share of nearness (n,): it leads to the first failures,
     and matters little afterwards."""
     # Near misses count at most `_NEAR`: a region of near misses must not outweigh failures.
     failing = outcomes.collision & outcomes.executed
-    return np.where(failing, 1.0, _NEAR * nearness(outcomes))
+    return np.where(failing, 1.0, _NEAR * nearness(outcomes, typical))
 
 
 class Forest:
@@ -143,10 +159,11 @@ class Forest:
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)
         failing = outcomes.collision & outcomes.executed
-        values, x = likely(outcomes), np.concatenate(self._x)
+        typical = typical_margin(self._outcomes[0])
+        values, x = likely(outcomes, typical), np.concatenate(self._x)
         forest, rows = (
             self._ensemble.ExtraTreesRegressor(_TREES, random_state=0),
-            _learnt(failing, _MOST),
+            evenly(failing, _MOST),
         )
         self._forest, self._grown = forest.fit(differences(x[rows]), values[rows]), len(self)
 
@@ -172,11 +189,14 @@ class GaussianProcess:
         self._most, self._x, self._scores = most, list[FloatArray](), list[FloatArray]()
         self._kernel: Any = None
         self._at = 0
+        self._typical: float | None = None
         self._known: tuple[FloatArray, FloatArray, FloatArray, float] | None = None
 
     def learn(self, x: FloatArray, outcomes: Outcomes) -> None:
         """Take outcomes of runs at rows (n, k)."""
-        self.learn_scores(x, scores(outcomes))
+        if self._typical is None:  # the first runs are draws: later ones are nearer to failures
+            self._typical = typical_margin(outcomes)
+        self.learn_scores(x, scores(outcomes, self._typical))
 
     def learn_scores(self, x: FloatArray, values: FloatArray) -> None:
         """Take scores (n,) of runs at rows (n, k), of another kind than those of outcomes."""
@@ -208,13 +228,13 @@ class GaussianProcess:
         # Lengths are fitted O(log n) times in a search, not in each round.
         if len(x) >= 2 * self._at:
             self._fit(x, values)
-        held = _learnt(values >= 1.0, self._most)
+        held = evenly(values >= 1.0, self._most)
         x, values, mean = x[held], values[held], float(values[held].mean())
         lower = np.linalg.cholesky(self._kernel(x) + _LEAST * np.eye(len(x)))
         return x, lower, cho_solve((lower, True), values - mean), mean
 
     def _fit(self, x: FloatArray, values: FloatArray) -> None:
-        kernels, held = self._library.kernels, _learnt(values >= 1.0, _FITTED)
+        kernels, held = self._library.kernels, evenly(values >= 1.0, _FITTED)
         # Lengths are in standard deviations of traffic: at 30 a coordinate has no effect within the
         # data.
         kernel = kernels.ConstantKernel(0.1, (1e-3, 1e1)) * kernels.RBF(
@@ -239,7 +259,7 @@ _FITTED = 250
 """Runs that the lengths of a process are fitted on at most"""
 
 
-def _learnt(failing: BoolArray, most: int) -> IntArray:
+def evenly(failing: BoolArray, most: int) -> IntArray:
     """Indices of the runs (n,) that a model learns from: all, or evenly chosen ones of failures and
     of others."""
     if len(failing) <= most:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from schemas.common.errors import guess
 from schemas.common.packages import load
 from xosc.document.carla import CRITERION_PREFIX, is_criterion
 
@@ -23,11 +24,32 @@ if TYPE_CHECKING:
 
 class CriterionFinding(NamedTuple):
     """A criterion's answer. passed: None where it can't be judged. value: what it measured, None
-    where nothing was."""
+    where nothing was. margin: signed distance to the border between pass and failure, at most 0 in
+    a failure, as a share of what is allowed or in m or s; None where the criterion has none."""
 
     passed: bool | None
     value: float | None
     reason: str
+    margin: float | None = None
+
+    @property
+    def signed(self) -> float:
+        """Margin; -1 for a failure and infinite for a pass where the criterion has none."""
+        if self.passed is None:
+            return math.inf
+        if self.margin is None:
+            return math.inf if self.passed else -1.0
+        # A value at a limit that allows it is no failure, however little there is left.
+        return max(self.margin, _TINY) if self.passed else min(self.margin, 0.0)
+
+
+_TINY = float(np.finfo(float).tiny)
+
+
+def share_left(left: float, allowed: float) -> float:
+    """Margin of what is left (negative: exceeded) of something that is allowed, in its own unit
+    where nothing is."""
+    return left / (abs(allowed) or 1.0)
 
 
 class CriterionResult(NamedTuple):
@@ -40,6 +62,7 @@ class CriterionResult(NamedTuple):
         value: what was measured, None where nothing was.
         unit: of the value.
         reason: one sentence with the figures.
+        margin: see `CriterionFinding.signed`.
     """
 
     name: str
@@ -48,6 +71,7 @@ class CriterionResult(NamedTuple):
     value: float | None
     unit: str
     reason: str
+    margin: float = math.inf
 
     @property
     def state(self) -> str:
@@ -245,6 +269,7 @@ def judge_criteria(
                         finding.value,
                         criterion.kind.unit,
                         finding.reason,
+                        finding.signed,
                     )
                 )
     return tuple(results)
@@ -324,6 +349,37 @@ def declared(storyboard: Node) -> tuple[Criterion, ...]:
             parameters.
     """
     return tuple(map(_read, elements(storyboard)))
+
+
+OF_CRITERION = re.compile(r"\s*(\w+Test)\s*(?:=(.*))?", re.IGNORECASE)
+"""Form of a limit by a criterion: its name, and its values"""
+
+
+def asked(text: str) -> Criterion | str:
+    """A criterion that an option asks for, as `KeepLaneTest` or `MaxVelocityTest=30`, whose results
+    have the text as name; or the reason why it is none."""
+    match = OF_CRITERION.fullmatch(text)
+    kind = kinds().get(match[1].casefold()) if match else None
+    if match is None or kind is None:
+        known = sorted(kind.name for kind in kinds().values())
+        name = match[1] if match else text
+        return f"{guess(name, known)}criteria: {', '.join(known)}"
+    texts = [one for one in _SEPARATORS.split((match[2] or "").strip()) if one]
+    try:
+        values = [float(one) for one in texts]
+    except ValueError:
+        values = [math.nan]
+    lacking = [name for name, value in kind.parameters.items() if value is None]
+    form = "".join(
+        f"{', ' if number else '='}{name.upper()}" for number, name in enumerate(kind.parameters)
+    )
+    if not all(map(math.isfinite, values)) or not len(lacking) <= len(values) <= len(
+        kind.parameters
+    ):
+        return f"{kind.name}{form} is expected"
+    given: dict[str, float | None] = dict(kind.parameters)
+    given.update(zip(kind.parameters, values, strict=False))
+    return Criterion(text.strip(), kind, given, 0.0, "--fail-if")
 
 
 def elements(storyboard: Node) -> Iterator[Node]:

@@ -490,7 +490,8 @@ def _margins_one_by_one(limit: Limit, outcomes: ArrayOutcomes) -> tuple[FloatArr
     margin, share = np.full(n, math.inf), np.ones(n)
     for row in np.flatnonzero(outcomes.outcome != OPEN):
         seen = outcomes.criticality(int(row))
-        facts = Facts(seen.summary, (), outcomes.status[row], float(outcomes.end_time[row]))
+        end = outcomes.status[row], float(outcomes.end_time[row])
+        facts = Facts(seen.summary, (), *end, seen=seen)
         margin[row], share[row] = limit.margin(facts), limit.defined(seen)
     return margin, share
 

@@ -120,6 +120,10 @@ def _lateral_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     return np.abs(seen.aside) - np.where(seen.aside <= 0.0, ego_left, ego_right)
 
 
+JERK_WINDOW = 0.5
+"""Time (s) that jerk is a mean over, as in UN Regulation 79"""
+
+
 # a run --------------------------------------------------------------------------------------
 
 
@@ -230,6 +234,43 @@ class Criticality:
         columns["active"] = self.active
         return columns | {
             f"rss_violation_{_column(name)}": flags for name, flags in self.violation.items()
+        }
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """The ego's acceleration along its heading (n,), m/s², from speeds of neighbouring
+        instants."""
+        time = self.time
+        return np.gradient(self.ego.speed, time) if len(time) > 1 else np.zeros(len(time))
+
+    @cached_property
+    def jerk(self) -> FloatArray:
+        """Change of the ego's acceleration over the last `JERK_WINDOW`, per second (n,), m/s³; over
+        less at the beginning counts as over all of it.
+
+        A mean, as regulations and ISO 15622 have it: the difference of two steps depends on the
+        time step.
+        """
+        before = np.interp(self.time - JERK_WINDOW, self.time, self.acceleration)
+        return (self.acceleration - before) / JERK_WINDOW
+
+    @cached_property
+    def signals(self) -> dict[str, FloatArray]:
+        """Values over time (n,) by the names of `runner.judging.measures.measure.SIGNALS`; where
+        one is not defined it is as where nothing is near."""
+        far = {name: getattr(self, name) for name in ("ttc", "thw", "distance")}
+        found = {name: np.where(one.valid, one.value, np.inf) for name, one in far.items()}
+        safe = self.margin["ad-rss"]
+        return found | {
+            "drac": np.where(self.drac.valid, self.drac.value, 0.0),
+            "rss_margin": np.where(safe.valid, safe.value, np.inf),
+            "speed": self.ego.speed,
+            "acceleration": self.acceleration,
+            "jerk": self.jerk,
+            "x": self.ego.x,
+            "y": self.ego.y,
+            "s": self.ego.s,
+            "t": self.ego.t,
         }
 
     def risk(self, parameters: str) -> float | None:

@@ -1,6 +1,7 @@
 """Criticality measures of a run: meanings, registry, and limits that fail runs (`--fail-if`).
 
-A limit is a measure and a number, as `min_ttc<1`, or one of `EVENTS`.
+A limit is a measure and a number, as `min_ttc<1`, one of `EVENTS`, a criterion, as `KeepLaneTest`,
+or a formula of signal temporal logic, as `stl: eventually (ttc < 1 and speed > 20)`.
 
 A measure is one class in a family file of `runner.judging.measures.kinds`. Everything else that
 names measures (`result.json`, tables of runs, `--fail-if`, reports, tags, docs/measures.md) takes
@@ -18,8 +19,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.common.errors import UsageError, blame, guess
-from schemas.common.packages import load
+from schemas.common.errors import UsageError, blame, guess, nearest
+from schemas.common.packages import MissingExtra, load, optional
 from schemas.common.plugins import NameTaken
 from schemas.common.plugins import register as register_plugins
 from schemas.common.policy import current
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from runner.judging.criteria.criterion import Criterion
     from schemas.common.array_types import BoolArray, FloatArray
 
 
@@ -239,6 +241,11 @@ violated."""
 _COMPARISONS: dict[str, Callable[[Any, float], Any]] = {
     "<=": operator.le, "<": operator.lt, ">=": operator.ge, ">": operator.gt,
 }  # fmt: skip
+_CRITERION = "criterion"
+"""Name of limits that are criteria"""
+_OF_CRITERION = re.compile(r"\s*\w+Test\s*(?:$|=)", re.IGNORECASE)
+_TINY = 1e-300
+"""Margin of what only just keeps a limit"""
 _FORM = re.compile(r"\s*([\w-]+)\s*(?:(<=|<|>=|>)\s*(\S+)\s*)?")
 
 
@@ -250,12 +257,92 @@ class Facts(NamedTuple):
         events: kind, and text with the time, of the events of the ego.
         status: of the run.
         end_time: of the run, s.
+        criteria: `runner.judging.criteria.criterion.CriterionResult` of the run.
+        seen: `runner.judging.measures.criticality.Criticality` of the ego, whose signals formulas
+            are about; None where there is none.
     """
 
     criticality: Mapping[str, Any] | None
     events: Iterable[tuple[str, str]]
     status: str
     end_time: float
+    criteria: Iterable[Any] = ()
+    seen: Any = None
+
+
+FORMULA = "stl"
+"""Name of limits that are formulas; a colon follows it"""
+SIGNALS = {
+    "ttc": "s", "thw": "s", "drac": "m/s²", "distance": "m", "rss_margin": "m", "speed": "m/s",
+    "acceleration": "m/s²", "jerk": "m/s³", "x": "m", "y": "m", "s": "m", "t": "m",
+}  # fmt: skip
+"""Signals of formulas and their units: relations to the lead and to others, RSS's margin
+(`ad-rss`), motion of the ego, its place in the world and on its road"""
+_WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_OF_LOGIC = frozenset(
+    (
+        *("always", "historically", "eventually", "once", "until", "since", "and", "or", "not"),
+        *("implies", "iff", "xor", "rise", "fall", "prev", "next", "abs", "sqrt", "exp", "pow"),
+        *("G", "F", "U", "H", "O", "S", "X", "s", "ms", "us", "ns", "inf", "unless"),
+    )
+)
+"""Words of formulas that are no signals"""
+
+
+class Formula:
+    """A formula of signal temporal logic about `SIGNALS`, monitored by rtamt.
+
+    D. Ničković, T. Yamaguchi, RTAMT: online robustness monitors from STL, ATVA 2020.
+
+    Raises:
+        UsageError: it is none. MissingExtra: rtamt is not installed.
+    """
+
+    def __init__(self, text: str, timestep: float = 0.05) -> None:
+        library = optional("rtamt")
+        unknown = [
+            word for word in _WORD.findall(text) if word not in SIGNALS and word not in _OF_LOGIC
+        ]
+        if unknown:
+            near = nearest(unknown[0], SIGNALS)
+            raise UsageError(f"there is no signal {unknown[0]!r}; {near}")
+        self._names = sorted({word for word in _WORD.findall(text) if word in SIGNALS})
+        if not self._names:
+            raise UsageError(f"it names no signal; signals: {', '.join(SIGNALS)}")
+        self._monitor = library.StlDiscreteTimeSpecification()
+        for name in self._names:
+            self._monitor.declare_var(name, "float")
+        self._monitor.set_sampling_period(max(round(timestep * 1e3), 1), "ms", 0.1)
+        self._monitor.spec = text
+        try:
+            self._monitor.parse()
+            # Bounds the wrong way round show at the first evaluation.
+            self._robustness({name: [0.0, 0.0] for name in self._names}, [0.0, timestep])
+        except ValueError:
+            raise UsageError("limits of time have to ascend, as [0:3]") from None
+        except Exception as error:  # of the library, of several kinds
+            reason = " ".join(str(error).split()).partition(", expecting")[0]
+            reason = reason.partition(" expecting {")[0].removeprefix("RTAMT Exception: ")
+            raise UsageError(f"the formula is malformed: {reason}") from None
+
+    def robustness(self, seen: Any) -> float:
+        """Robustness of the formula at the beginning of a run: above 0 where it holds.
+
+        Args:
+            seen: `runner.judging.measures.criticality.Criticality` of the run.
+        """
+        signals = {name: seen.signals[name].tolist() for name in self._names}
+        return self._robustness(signals, seen.time.tolist())
+
+    def _robustness(self, signals: Mapping[str, list[float]], time: list[float]) -> float:
+        found = self._monitor.evaluate({"time": time, **signals})
+        return float(found[0][1])
+
+
+@cache
+def _formula(text: str, timestep: float) -> Formula:
+    """A formula for runs of a time step, s."""
+    return Formula(text, timestep)
 
 
 def _guess(text: str) -> str:
@@ -286,7 +373,23 @@ class Limit:
 
         Raises:
             UsageError: it is none, with the measures and events that there are.
+            MissingExtra: it is a formula, and rtamt is not installed.
         """
+        if text.partition(":")[0].strip() == FORMULA and ":" in text:
+            try:
+                Formula(text.partition(":")[2].strip())
+            except MissingExtra:
+                raise
+            except UsageError as error:
+                raise UsageError(f"--fail-if {text!r}: {error}") from None
+            return cls(text.strip(), FORMULA)
+        if _OF_CRITERION.match(text):
+            from runner.judging.criteria.criterion import asked
+
+            found = asked(text)
+            if isinstance(found, str):
+                raise UsageError(f"--fail-if {text!r}: {found}")
+            return cls(text.strip(), _CRITERION)
         if text.strip() == "inconclusive":
             raise UsageError(
                 f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see "
@@ -305,7 +408,8 @@ class Limit:
                 f"--fail-if {text!r}: {_guess(text)}a measure with a limit is "
                 "expected, such as min_ttc<1 "
                 f"(of {', '.join(UNITS | units())}), "
-                f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
+                f"one of {', '.join(EVENTS)}, a criterion, as KeepLaneTest or MaxVelocityTest=30, "
+                f"a formula, as 'stl: eventually (ttc < 1)', or with --against {NEW_FAILURE}"
             )
         try:
             value = float(match[3] or 0.0)
@@ -343,12 +447,12 @@ class Limit:
             criticality: `runner.judging.measures.criticality.Criticality` of the ego; None where it
                 never appeared, or there is none.
         """
-        if not self.needs_ego:
+        if not self.needs_ego or self.name == _CRITERION:  # which counts as evidence itself
             return 1.0
         if criticality is None:
             return 0.0
         name = _RSS if self.name == "rss" else self.name
-        return 1.0 if name in EVENTS else measures()[name].defined(criticality)
+        return 1.0 if name in (*EVENTS, FORMULA) else measures()[name].defined(criticality)
 
     def margins(self, values: FloatArray) -> FloatArray:
         """Signed distances of values (n,) to the limit: robustness as in temporal logic.
@@ -374,12 +478,27 @@ class Limit:
         """Signed distance of a run to the limit, as of `margins`; -1 for an event that happened."""
         if self.name == "rss":
             return Limit(self.text, _RSS, ">").margin(facts)
+        if self.name == _CRITERION:
+            own = (found.margin for found in facts.criteria if found.name == self.text)
+            return min(own, default=math.inf)
+        if self.name == FORMULA:
+            return self._formula_margin(facts)
         if not self.comparison:
             return -1.0 if self.reason(facts) else math.inf
         import numpy as np
 
         value = self._value(facts)
         return float(self.margins(np.array([math.nan if value is None else value]))[0])
+
+    def _formula_margin(self, facts: Facts) -> float:
+        """Signed distance from what the formula describes, in the units of its signals: a run fails
+        where it holds."""
+        seen = facts.seen
+        if seen is None or len(seen.time) < 2:
+            return math.inf
+        step = round(float(seen.time[1] - seen.time[0]), 6)
+        found = _formula(self.text.partition(":")[2].strip(), step).robustness(seen)
+        return -found if found > 0.0 else max(-found, _TINY)
 
     def _value(self, facts: Facts) -> float | None:
         """The run's value of the measure; None where it is not defined."""
@@ -399,6 +518,13 @@ class Limit:
             )
         if self.name == "rss":
             return Limit(self.text, _RSS, ">").reason(facts)
+        if self.name == _CRITERION:
+            return ""  # a criterion fails the run itself
+        if self.name == FORMULA:
+            margin = self._formula_margin(facts)
+            return (
+                f"{self.text}: it holds with a robustness of {-margin:.2f}" if margin < 0.0 else ""
+            )
         if not self.comparison:
             return next(
                 (
@@ -420,6 +546,17 @@ class Limit:
     def needs_ego(self) -> bool:
         """Whether it says nothing about a run without an ego."""
         return self.name not in ("timeout", "end_time")
+
+    @property
+    def criterion(self) -> Criterion | None:
+        """The criterion of the scenario that it asks for; None for other limits."""
+        if self.name != _CRITERION:
+            return None
+        from runner.judging.criteria.criterion import asked
+
+        found = asked(self.text)
+        assert not isinstance(found, str)  # as it was parsed
+        return found
 
     @property
     def needs_road(self) -> bool:

@@ -66,7 +66,10 @@ def searched(sut: str, points: FloatArray, drawn: int = 0) -> Generated:
     driving = Driving(Exposure(10.0, 800.0, {"cut_in": 50}), "cut_in", 2, 50, 40)
     estimate = Estimate(CHANCES, 100, 0, 40, driving)
     prior = real.prior(SPACE, "gaussian")
-    return Generated(SPACE, real, prior, history, Episodes(*history), cases, [], gate, 0, estimate)
+    return Generated(
+        SPACE, real, prior, history, Episodes(*history), cases, [], gate, 0, estimate,
+        driving=driving,
+    )  # fmt: skip
 
 
 def written(generated: Generated, sut: str, folder: Path) -> Path:

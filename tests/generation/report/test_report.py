@@ -175,6 +175,7 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
                 "Where",
                 "Counterexamples",
                 "Reference",
+                "What",
                 "How",
             ]
             assert browser.run("document.querySelectorAll('figure svg circle').length") == 3 * 203

@@ -12,9 +12,10 @@ from generation.search.methods.models import (
     _MOST,
     Forest,
     GaussianProcess,
-    _learnt,
+    evenly,
     nearness,
     scores,
+    typical_margin,
 )
 from generation.search.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
@@ -79,10 +80,10 @@ def test_a_model_learns_from_a_bounded_number_of_runs_with_the_rare_failures_amo
     few, half = np.zeros(5 * _MOST, bool), np.arange(5 * _MOST) % 2 == 0
     few[::1000] = True
     for failing in (few, half):
-        rows = _learnt(failing, _MOST)
+        rows = evenly(failing, _MOST)
         assert len(rows) == len(np.unique(rows)) == _MOST
         assert failing[rows].sum() == min(failing.sum(), _MOST // 2)
-    np.testing.assert_array_equal(_learnt(few[:100], _MOST), np.arange(100))
+    np.testing.assert_array_equal(evenly(few[:100], _MOST), np.arange(100))
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +115,13 @@ def test_runs_are_the_nearer_to_a_failure_the_less_is_left_to_a_limit() -> None:
     near = nearness(found)
     assert (np.diff(near) < 0.0).all() and 0.8 < near[0] < 1.0
     assert near[3] == nearness(Outcomes.of(1))[0]
+
+
+def test_a_margin_that_is_the_same_everywhere_hides_no_collision() -> None:
+    braking = Outcomes.of(
+        3, margin=[0.75] * 3, max_drac=[0.0, 3.0, 6.0], clearance=[50.0, 9.0, 2.0]
+    )
+    typical = typical_margin(braking)
+    assert typical == 0.75 and typical_margin(Outcomes.of(3)) > 1.0
+    near = nearness(braking, typical)
+    assert near[0] < 0.2 < 0.3 < near[1] < 0.5 < near[2]

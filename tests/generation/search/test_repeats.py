@@ -9,7 +9,7 @@ import numpy as np
 
 from generation.pipeline import generate
 from generation.report.report import headline
-from generation.search.methods.repeats import Repeats
+from generation.search.outcomes import Repeats
 from generation.search.settings import Ask, SearchSettings
 from generation.search.variations import asked_of
 from generation.space.logical.library import SCENARIOS

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,7 @@ def test_what_is_not_defined_is_not_valid_and_zero(road: str | None) -> None:
         assert found.distance.valid.all()
     alone = criticality(ego, [])
     assert not alone.distance.valid.any()
+    assert alone.summary.pop("max_jerk") == pytest.approx(0.0)  # which needs nobody else
     assert set(alone.summary.values()) == {None}
     for measure in (alone.ttc, alone.thw, alone.drac, alone.distance):
         assert not measure.value.any()
@@ -319,3 +321,14 @@ def test_someone_higher_up_the_same_slope_is_met() -> None:
         motion("Ego", 0.0, 20.0, until=1.0), [motion("Lead", 105.0, 10.0, z=6.0, until=1.0)]
     )
     assert found.ttc.value[0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.1, 0.25])
+def test_jerk_is_the_same_for_any_time_step(step: float) -> None:
+    time = np.arange(0.0, 4.0 + step / 2, step)
+    # Full braking at once, from 2 s on: 8 m/s² within half a second are 16 m/s³.
+    speed = 20.0 - 8.0 * np.maximum(time - 2.0, 0.0)
+    ego = replace(motion("Ego", 0.0, 20.0, until=4.0), time=time, speed=speed)
+    whole = {name: np.zeros(len(time)) for name in ("x", "y", "z", "h", "s", "t")}
+    ego = replace(ego, **whole, road=np.full(len(time), None, object))
+    assert criticality(ego, []).summary["max_jerk"] == pytest.approx(16.0)

@@ -16,7 +16,9 @@ from lxml import etree
 import runner
 import runner.systems
 from runner import RunSettings
+from runner.batch.arrays import play, structures
 from runner.batch.outputs.folder import load_run
+from runner.judging import verdict
 from runner.judging.measures.measure import Facts, Limit
 from schemas.common.errors import UsageError
 from tests.commands import Command
@@ -145,10 +147,11 @@ def test_the_command_fails_and_says_why_everywhere(xosc_run: Command, tmp_path: 
         2,
         "xosc-run: --fail-if 'min_distanc<5': did you mean 'min_distance'? "
         "a measure with a limit is expected, such as min_ttc<1 (of min_ttc, min_thw, "
-        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, "
+        "max_drac, min_distance, max_jerk, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, "
         "rss_risk_r157, "
-        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, "
-        "road-end, timeout, rss, "
+        "impact_speed, delta_v, fatality_risk, end_time), one of off-road, "
+        "road-end, timeout, rss, a criterion, as KeepLaneTest or MaxVelocityTest=30, "
+        "a formula, as 'stl: eventually (ttc < 1)', "
         "or with --against new-failure\n",
     )
 
@@ -305,3 +308,65 @@ def test_a_margin_is_the_signed_distance_to_a_limit(
 def test_the_margin_of_an_event_says_whether_it_happened() -> None:
     assert Limit.parse("timeout").margin(FACTS._replace(status="timeout")) == -1.0
     assert Limit.parse("timeout").margin(FACTS._replace(status="completed")) == math.inf
+
+
+# criteria and formulas ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("KeepLanesTest", "did you mean 'KeepLaneTest'"),
+        ("MaxVelocityTest", "MaxVelocityTest=MAX_VELOCITY is expected"),
+        ("MaxVelocityTest=fast", "MaxVelocityTest=MAX_VELOCITY is expected"),
+        ("KeepLaneTest=3", "KeepLaneTest is expected"),
+        ("stl: eventually (tcc < 1)", "there is no signal 'tcc'; did you mean 'ttc'"),
+        ("stl: eventually (ttc <", "the formula is malformed: 1:17"),
+        ("stl: eventually[3:0] (ttc < 1)", r"limits of time have to ascend, as \[0:3\]"),
+        ("stl: 1 < 2", "it names no signal"),
+        ("stl:", "it names no signal"),
+    ],
+)
+def test_criteria_and_formulas_that_are_none_are_refused(text: str, reason: str) -> None:
+    if text.startswith("stl"):
+        pytest.importorskip("rtamt")
+    with pytest.raises(UsageError, match=reason):
+        Limit.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("limit", "fails", "margin"),
+    [
+        ("MaxVelocityTest=25", False, 0.2),
+        ("MaxVelocityTest=10", True, -1.0),
+        ("stl: eventually (speed > 25)", False, 5.0),
+        ("stl: always (speed > 15)", True, -5.0),
+        ("stl: eventually (distance < 30 and speed > 15)", False, 0.75),
+        ("stl: eventually[0:1] (distance < 100 and speed > 15)", True, -5.0),
+    ],
+)
+def test_a_run_fails_by_a_criterion_or_a_formula_that_holds(
+    tmp_path: Path, limit: str, fails: bool, margin: float
+) -> None:
+    if limit.startswith("stl"):
+        pytest.importorskip("rtamt")
+    # From 40 m behind, box to box 34.75 m, the ego comes 4 m nearer.
+    path = scenario(tmp_path, init=place("Ego", 100, 20) + place("Lead", 140, 16), stop=1.0)
+    result = runner.run(path, world="kinematic", sut="none", fail_if=(limit,))
+    assert bool(result.verdict.failures) == fails
+    assert all(reason.startswith(limit) for reason in result.verdict.failures)
+    found = verdict.margin(result, [Limit.parse(limit)])
+    assert found == pytest.approx(margin, abs=1e-6) or (margin == 0.75 and 0.0 < found < 4.0)
+    assert (found <= 0.0) == fails
+
+
+def test_formulas_have_the_margins_of_single_runs_in_arrays(tmp_path: Path) -> None:
+    pytest.importorskip("rtamt")
+    path = scenario(tmp_path, init=place("Ego", 100, 20) + place("Lead", 140, 12), stop=2.0)
+    settings = runner.RunSettings(
+        world="kinematic", fail_if=("stl: eventually (ttc < 3 and speed > 15)",)
+    )
+    (structure,) = structures(path, [{}] * 10, settings)
+    (block,) = play(structure, settings)
+    alone = verdict.margin(runner.run(path, settings), settings.limits)
+    np.testing.assert_allclose(block.outcomes.margin, alone)

@@ -14,9 +14,10 @@ from runner.judging.criteria.criterion import (
     criterion,
     duration_of,
     intervals,
+    share_left,
 )
 from xodr.lookup import arrays
-from xodr.lookup.placing import lanes_under, place
+from xodr.lookup.placing import Places, lanes_under, place
 
 CARRIAGEWAY = frozenset(
     (
@@ -56,10 +57,31 @@ def off_road(drive: Drive, duration: float) -> CriterionFinding:
     off = ~on_lanes(drive, drive.centre(), CARRIAGEWAY)
     total = duration_of(off, drive.columns["time"])
     if not off.any():
-        return CriterionFinding(True, 0.0, "stayed on lanes for driving and parking")
+        stayed = "stayed on lanes for driving and parking"
+        return CriterionFinding(True, 0.0, stayed, _room(drive, CARRIAGEWAY))
     since = drive.columns["time"][intervals(off)[0][0]]
     reason = f"was off all lanes for driving and parking for {total:.2f} s, first at {since:.2f} s"
-    return CriterionFinding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
+    allowed = f"{reason} ({duration:g} s are allowed)"
+    left = share_left(duration - total, duration)
+    return CriterionFinding(total <= duration, total, allowed, left)
+
+
+_ASIDE, _HALVED = 4.0, 5
+"""Greatest room (m) to the side that is looked for, and how often it is halved"""
+
+
+def _room(drive: Drive, types: frozenset[str]) -> float:
+    """Least distance (m) to the left and right of a drive's centre at which lanes of these types
+    end, up to `_ASIDE`."""
+    box, low, high = drive.track.box, 0.0, _ASIDE
+    for number in range(_HALVED + 1):
+        aside = high if number == 0 else (low + high) / 2.0
+        sides = (drive.at(box.x, box.y + sign * aside) for sign in (1.0, -1.0))
+        if all(on_lanes(drive, side, types).all() for side in sides):
+            low = aside
+        else:
+            high = aside
+    return low
 
 
 @criterion(
@@ -81,14 +103,17 @@ def on_sidewalk(drive: Drive, duration: float) -> CriterionFinding:
     sidewalk |= outside & np.any([on_lanes(drive, corner, SIDEWALK) for corner in corners], axis=0)
     wrong = sidewalk | outside
     if not wrong.any():
-        return CriterionFinding(True, 0.0, "was on no sidewalk and did not leave the carriageway")
+        clear = "was on no sidewalk and did not leave the carriageway"
+        return CriterionFinding(True, 0.0, clear, _room(drive, CARRIAGEWAY))
     total, first = duration_of(wrong, time), intervals(wrong)[0][0]
     where = "on a sidewalk" if sidewalk[first] else "off the carriageway"
     reason = (
         f"was on sidewalks or off the carriageway for {total:.2f} s, first {where} at "
         f"{time[first]:.2f} s"
     )
-    return CriterionFinding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
+    allowed = f"{reason} ({duration:g} s are allowed)"
+    left = share_left(duration - total, duration)
+    return CriterionFinding(total <= duration, total, allowed, left)
 
 
 @criterion(
@@ -104,7 +129,7 @@ def keep_lane(drive: Drive) -> CriterionFinding:
     """
     columns = drive.columns
     outside = _stretches(drive, columns["road_id"], columns["s"]) >= 0
-    crossed = np.zeros(len(drive.steps), bool)
+    crossed, room = np.zeros(len(drive.steps), bool), math.inf
     lanes = []
     for x, y in drive.corners():
         places = place(drive.network, x, y, columns["z"], columns["h"])
@@ -116,9 +141,10 @@ def keep_lane(drive: Drive) -> CriterionFinding:
             & (places.lane_id[1:] != places.lane_id[:-1])
         )
         lanes.append(places)
+        room = min(room, _to_marking(drive, places, outside & (stretch >= 0)))
     times = np.flatnonzero(crossed & outside[1:])
     if not len(times):
-        return CriterionFinding(True, 0.0, "crossed no lane marking")
+        return CriterionFinding(True, 0.0, "crossed no lane marking", room)
     row = int(times[0])
     here = next(corner for corner in lanes if corner.lane_id[row] != corner.lane_id[row + 1])
     way = (
@@ -128,6 +154,30 @@ def keep_lane(drive: Drive) -> CriterionFinding:
         False,
         float(len(times)),
         f"crossed a lane marking at {columns['time'][row + 1]:.2f} s, {way}",
+    )
+
+
+def _to_marking(drive: Drive, places: Places, rows: np.ndarray) -> float:
+    """Least distance (m) of some places to the borders of their lanes; infinite without places."""
+    widths = {
+        road_id: drive.network.roads[road_id] for road_id in set(places.road_id[rows].tolist())
+    }
+    at = zip(
+        *(
+            column[rows].tolist()
+            for column in (places.road_id, places.s, places.lane_id, places.offset)
+        ),
+        strict=True,
+    )
+    # Off all lanes there is no border, and lane 0 has no width.
+    return min(
+        (
+            widths[road_id].lane_width(min(max(s, 0.0), widths[road_id].length), lane_id) / 2.0
+            - abs(offset)
+            for road_id, s, lane_id, offset in at
+            if lane_id
+        ),
+        default=math.inf,
     )
 
 
@@ -214,7 +264,9 @@ def end_of_road(drive: Drive, duration: float) -> CriterionFinding:
         f"left road {roads[0]} for road {roads[left[0]]} at {when:.2f} s, "
         f"{after:.2f} s before the end"
     )
-    return CriterionFinding(after <= duration, after, f"{reason} ({duration:g} s are allowed)")
+    allowed = f"{reason} ({duration:g} s are allowed)"
+    margin = share_left(duration - after, duration)
+    return CriterionFinding(after <= duration, after, allowed, margin)
 
 
 _STANDING = 0.1
@@ -292,6 +344,7 @@ def actor_blocked(drive: Drive, min_speed: float, max_time: float) -> CriterionF
         not blocked,
         longest,
         f"was slower than {min_speed:g} m/s for {longest:.2f} s{when}, {max_time:g} s are allowed",
+        share_left(max_time - longest, max_time),
     )
 
 
@@ -313,6 +366,7 @@ def average_velocity(drive: Drive, velocity: float) -> CriterionFinding:
         average,
         f"drove {average:.2f} m/s on average, {'more' if fast else 'not more'} "
         f"than {velocity:g} m/s",
+        share_left(average - velocity, velocity),
     )
 
 
@@ -326,17 +380,52 @@ def max_velocity(drive: Drive, max_velocity: float) -> CriterionFinding:
     """Find the greatest speed, forwards or backwards."""
     speed = np.abs(drive.columns["speed"])
     fastest = float(speed.max())
-    over = np.flatnonzero(speed > max_velocity)
+    over, left = (
+        np.flatnonzero(speed > max_velocity),
+        share_left(max_velocity - fastest, max_velocity),
+    )
     if len(over):
         since = drive.columns["time"][over[0]]
         return CriterionFinding(
             False,
             fastest,
             f"drove up to {fastest:.2f} m/s, from {since:.2f} s on more than {max_velocity:g} m/s",
+            left,
         )
     return CriterionFinding(
-        True, fastest, f"drove {fastest:.2f} m/s at most, {max_velocity:g} m/s are allowed"
+        True, fastest, f"drove {fastest:.2f} m/s at most, {max_velocity:g} m/s are allowed", left
     )
+
+
+@criterion(
+    "SpeedLimitTest",
+    unit="m/s",
+    summary="it is never faster than the speed limit of its road, or its lane, by more than "
+    "`tolerance` (m/s); none of CARLA's",
+    parameters={"tolerance": 0.0},
+    on_roads=True,
+)
+def speed_limit(drive: Drive, tolerance: float) -> CriterionFinding:
+    """Compare the speed with the limit at each place that has one."""
+    columns = drive.columns
+    places = zip(*(columns[name].tolist() for name in ("road_id", "s", "lane_id")), strict=True)
+    allowed = np.array([_limit(drive, *place) for place in places]) + tolerance
+    speed = np.abs(columns["speed"])
+    if np.isinf(allowed).all():
+        return CriterionFinding(None, None, "no road that it was on has a speed limit")
+    row = int((speed - allowed).argmax())
+    left = share_left(float(allowed[row] - speed[row]), float(allowed[row]))
+    told = (
+        f"drove {speed[row]:.2f} m/s at {columns['time'][row]:.2f} s, where {allowed[row]:.2f} m/s "
+        "are allowed"
+    )
+    return CriterionFinding(bool(speed[row] <= allowed[row]), float(speed[row]), told, left)
+
+
+def _limit(drive: Drive, road_id: str, s: float, lane_id: int) -> float:
+    """Speed limit (m/s) at a place; infinite without one."""
+    found = drive.network.roads[road_id].speed_limit(s, lane_id)
+    return math.inf if found is None else found
 
 
 @criterion(
@@ -353,6 +442,7 @@ def driven_distance(drive: Drive, distance_success: float) -> CriterionFinding:
         far,
         distance,
         f"drove {distance:.1f} m, {'more' if far else 'not more'} than {distance_success:g} m",
+        share_left(distance - distance_success, distance_success),
     )
 
 
@@ -379,5 +469,8 @@ def reached_region(
     )
     nearest = float(away.min())
     return CriterionFinding(
-        False, nearest, f"did not reach the region; the nearest that it came was {nearest:.1f} m"
+        False,
+        nearest,
+        f"did not reach the region; the nearest that it came was {nearest:.1f} m",
+        -nearest,
     )

@@ -6,6 +6,7 @@ its states mean.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from operator import itemgetter
@@ -120,6 +121,25 @@ def running_red_light(drive: Drive) -> CriterionFinding:
         f"traffic lights passed: {len(found)}, none of them red"
         if found
         else "came past no traffic light",
+        min((_to_red(drive, crossing) for crossing in found), default=None),
+    )
+
+
+def _to_red(drive: Drive, crossing: LineCrossing) -> float:
+    """Time (s) from a crossing by the front to the nearest instant at which its light is red;
+    infinite where it never is."""
+    history = drive.lights.get(crossing.signal.id, [])
+    before = _way_to(drive, crossing)
+    row = int(np.searchsorted(before, before[-1] - _front(drive)))
+    when = float(drive.columns["time"][row])
+    ends = [*(since for since, _ in history[1:]), math.inf]
+    return min(
+        (
+            max(since - when, when - end, 0.0)
+            for (since, state), end in zip(history, ends, strict=True)
+            if aspect_of(state) in STOPS
+        ),
+        default=math.inf,
     )
 
 

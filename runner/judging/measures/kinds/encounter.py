@@ -1,5 +1,5 @@
 """Measures of encounters: distance, post-encroachment time, relations to the lead, RSS's safe
-distances, risk field.
+distances, risk field; and jerk, by which the ego answers them.
 
 The lead is the nearest participant ahead whose box overlaps the ego's laterally.
 `runner.judging.measures.risk_field` has the formulas of the risk field and their source.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.engine.motion.rss import PARAMETERS
 from runner.judging.measures.measure import (
+    ALWAYS,
     GREATEST_DECELERATION,
     LONGEST_PET,
     Extreme,
@@ -112,6 +113,23 @@ class MinDistance(RunMeasure):
 
     def of(self, run: Criticality) -> Extreme | None:
         return least(run.distance, run.nearest, run.time)
+
+
+@measure
+class MaxJerk(RunMeasure):
+    """Greatest jerk of the ego along its heading, of either sign."""
+
+    name = "max_jerk"
+    label = "Greatest jerk"
+    unit = "m/s³"
+    formula = "greatest |change of acceleration over 0.5 s| / 0.5 s"
+    critical = "high"
+    validity = ALWAYS
+    source = "UN Regulation 79 (mean over 0.5 s)"
+    is_extreme = False
+
+    def of(self, run: Criticality) -> float | None:
+        return float(abs(run.jerk).max()) if len(run.jerk) else None
 
 
 @measure

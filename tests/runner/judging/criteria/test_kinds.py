@@ -76,6 +76,7 @@ def test_driven_distance() -> None:
         True,
         60.0,
         "drove 60.0 m, more than 50 m",
+        0.2,
     )
     assert judge("DrivenDistanceTest", driven, distance_success=60.0).passed is False
 
@@ -124,10 +125,10 @@ def test_reached_region() -> None:
 
 def test_collision() -> None:
     driven = drive(ahead(0, 60))
-    assert judge("CollisionTest", driven) == (True, 0.0, "no collision")
+    assert judge("CollisionTest", driven) == (True, 0.0, "no collision", None)
     hits = (Contact(1.0, "A"), Contact(1.2, "B"), Contact(3.0, "A"), Contact(5.5, "C"))
     found = judge("CollisionTest", drive(ahead(0, 60), contacts=hits))
-    assert found == (False, 2.0, "hit A at 1.00 s with 10.0 m/s")
+    assert found == (False, 2.0, "hit A at 1.00 s with 10.0 m/s", None)
 
 
 def test_a_collision_in_standstill_is_not_its_fault() -> None:
@@ -339,3 +340,53 @@ def test_every_criterion_has_a_name_and_says_what_it_needs() -> None:
     assert all(
         kind.summary and kind.unit and kind.name.endswith("Test") for kind in kinds().values()
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "road", "parameters", "margins"),
+    [
+        # 2 m wide in a lane of 3.5 m
+        ("KeepLaneTest", ahead(0, 40), "straight", {}, 0.75),
+        ("KeepLaneTest", ahead(0, 40, y=-2.25), "straight", {}, 0.25),
+        ("MaxVelocityTest", ahead(0, 40), None, {"max_velocity": 12.5}, 0.2),
+        ("MaxVelocityTest", ahead(0, 40), None, {"max_velocity": 8.0}, -0.25),
+        ("AverageVelocityTest", ahead(0, 40), None, {"velocity": 8.0}, 0.25),
+        ("ActorBlockedTest", [(5.0, 0.0)] * 21, None, {"min_speed": 1.0, "max_time": 4.0}, 0.5),
+        ("ReachedRegionTest", ahead(0, 40), None,
+         {"min_x": 45.0, "max_x": 50.0, "min_y": -5.0, "max_y": 5.0}, -3.5),
+        ("OffRoadTest", [*ahead(0, 20), *ahead(20, 30, y=-9.5), *ahead(30, 40)], "straight", {}, -1.0),
+    ],
+)  # fmt: skip
+def test_margins_lead_to_failures(
+    name: str, way: Sequence[Place], road: str | None, parameters: dict[str, float], margins: float
+) -> None:
+    found = judge(name, drive(way, road, h=0.0), **parameters)
+    assert found.signed == pytest.approx(margins, abs=0.02)
+    assert (found.signed > 0.0) == found.passed
+
+
+def test_the_margin_of_a_light_is_the_time_to_red() -> None:
+    lights = {"1": [(0.0, "green"), (100.0, "red")], "2": [(0.0, "green")]}
+    near = {"1": [(0.0, "red"), (1.0, "green"), (100.0, "red")], "2": [(0.0, "green")]}
+    far, soon = (
+        judge("RunningRedLightTest", drive(ahead(340, 520), "signals", lights=each))
+        for each in (lights, near)
+    )
+    assert far.passed and soon.passed
+    assert far.signed > 50.0 > soon.signed > 0.0
+
+
+def test_room_to_the_road_s_edge_is_the_margin_of_off_road() -> None:
+    middle, edge = (
+        judge("OffRoadTest", drive(ahead(0, 40, y=y), "straight", h=0.0)) for y in (-1.75, -6.5)
+    )
+    assert middle.passed and edge.passed and middle.signed > edge.signed > 0.0
+
+
+def test_speed_limits_are_those_of_the_road() -> None:
+    # 27.78 m/s, that is 100 km/h
+    slow, fast = (drive(ahead(0, 60, step=step), "straight") for step in (1.0, 3.0))
+    kept, broken = judge("SpeedLimitTest", slow), judge("SpeedLimitTest", fast)
+    assert kept.passed and kept.signed == pytest.approx(0.64)
+    assert broken.passed is False and broken.signed == pytest.approx(-0.08)
+    assert judge("SpeedLimitTest", fast, tolerance=3.0).passed
