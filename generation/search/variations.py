@@ -31,6 +31,7 @@ from generation.space.recorded import Recorded, kind_of, of_recordings, of_sampl
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import Parameter
 from runner.judging.settings import RunSettings
+from runner.systems import OF_SYSTEM
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError, nearest
 from schemas.common.storage import digest, read_object, write_object
@@ -430,7 +431,9 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
     """Declare literals of a scenario that are to be searched as parameters, in a copy with its
     roads and catalogues.
 
-    A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`.
+    A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`. Parameters of the
+    system under test, as in `--free sut_delay=0..0.5`, are declared too where the file has none of
+    the name.
 
     Returns:
         what is asked for by the names of the parameters, and the copy; both as they are without
@@ -441,9 +444,15 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
             that name and `overwrite` is not asked for.
     """
     literals = [text for text in ask.free if _LITERAL.match(text)]
-    if not literals:
+    of_system = [text for text in ask.free if _OF_SYSTEM.match(text)]
+    if not literals and not of_system:
         return ask, path
     document = copied(xosc.load(path))
+    known = {each.get("name") for each in document.node.iter("ParameterDeclaration")}
+    of_system = [text for text in of_system if text.partition("=")[0] not in known]
+    literals += of_system
+    if not literals:
+        return ask, path
     if document.kind != "scenario":
         raise UsageError(f"--free {literals[0]}: literals are those of a scenario", path=path)
     declared = document.node.find("ParameterDeclarations")
@@ -457,7 +466,9 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
     free = [text for text in ask.free if text not in literals]
     for text in literals:
         where, _, limits = text.partition("=")
-        name, value = _declared(document.node, where, path)
+        name, value = where, limits.partition("..")[0]
+        if text not in of_system:
+            name, value = _declared(document.node, where, path)
         etree.SubElement(
             holder, "ParameterDeclaration", name=name, parameterType="double", value=value
         )
@@ -469,6 +480,7 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
 
 
 _LITERAL = re.compile(r"\d+@\w")
+_OF_SYSTEM = re.compile(rf"{OF_SYSTEM}\w+=-?[\d.]+\.\.")
 
 
 def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:

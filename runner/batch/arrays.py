@@ -33,6 +33,7 @@ from runner.judging.evidence.rows import ROWS
 from runner.judging.measures.runs import Measuring, RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
+from runner.systems import OF_SYSTEM
 from runner.systems.array_systems import open_arrays
 from runner.systems.drivers import ArraySystemDriver, find_ego
 from schemas.common.array_types import IntArray
@@ -179,6 +180,9 @@ def _compiled(
                 *declared(resolved.node.need("Storyboard")),
                 *(criterion for criterion in limits if criterion is not None),
             ]
+            of_system = [name for name in scenario.parameters if name.startswith(OF_SYSTEM)]
+            if of_system and settings.sut is not None:
+                raise NotInArrays(f"{of_system[0]}: systems get parameters in single runs only")
             if criteria:
                 raise NotInArrays(f"{criteria[0].name}: criteria are judged in single runs only")
         except NotInArrays:

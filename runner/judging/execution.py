@@ -29,8 +29,8 @@ from runner.judging.verdict import (
     red_light_remarks,
     results_of_criteria,
 )
-from runner.systems import System, open_system, system_name
-from runner.systems.base import RAISED, Control, Observation, Pose, is_finite, parameters_of
+from runner.systems import OF_SYSTEM, System, open_system, system_name, with_parameters
+from runner.systems.base import RAISED, Control, Observation, Pose, is_finite, parameters_of, split
 from runner.systems.drivers import cruise_speed, driver_of, failed, find_ego, observe
 from runner.systems.kinds.commanded import Commanded
 from schemas.common.errors import ToolchainError, UsageError
@@ -154,7 +154,8 @@ class Session:
         self._ends_after_collision = chosen.ends_after_collision
         self._system: System | None = None
         try:
-            self._system = open_system(chosen.sut, chosen.sut_in_process, chosen.sut_timeout)
+            sut, self._unused = with_parameters(chosen.sut, compiled.parameters)
+            self._system = open_system(sut, chosen.sut_in_process, chosen.sut_timeout)
             if ego is not None and self._system is not None:
                 sim.drive_ego(
                     ego, driver_of(compiled, ego, self._system, chosen.timestep, chosen.seed)
@@ -312,6 +313,10 @@ class Session:
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),
             *not_driven(observed),
+            *(
+                f"{OF_SYSTEM}{name}: {split(asked)[0]} has no parameter {name}, and keeps its own"
+                for name in self._unused
+            ),
             *criteria_remarks(self._compiled.criteria),
             *red_light_remarks(self._compiled.criteria, compiled, recording, ego),
         )

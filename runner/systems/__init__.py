@@ -26,7 +26,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache, partial, reduce
 from importlib import import_module
@@ -35,7 +35,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runner.systems.base import (
+    FIRST,
     RAISED,
+    SENSORS,
     Control,
     Observation,
     Participant,
@@ -43,6 +45,7 @@ from runner.systems.base import (
     SystemUnderTest,
     WorldDriven,
     arguments,
+    names_of,
     split,
 )
 from schemas.common.errors import ToolchainError, UsageError, blame, guess
@@ -328,11 +331,65 @@ def find_system(name: str | None) -> Callable[[], System] | None:
             raise UsageError(f"{_told(name, entry)} can't be imported: {told}") from error
     if not callable(factory):
         raise UsageError(f"{_told(name, entry)} is not a class")
-    values = arguments(factory, given, name)
+    more = SENSORS if getattr(factory, "sensors", False) else ()
+    sensed = {key: text for key, text in given.items() if key in more}
+    own = {key: text for key, text in given.items() if key not in sensed}
+    values = arguments(factory, own, name, more)
     # A wrong file of a system is refused once, before any run of a batch.
     if name in _own() and hasattr(factory, "check"):
         factory.check(**values)
-    return partial(factory, **values) if values else factory
+    found = partial(factory, **values) if values else factory
+    return _through_sensors(found, sensed, name) if sensed else found
+
+
+def _through_sensors(
+    factory: Callable[[], System], given: Mapping[str, str], name: str
+) -> Callable[[], System]:
+    """Factory of a system that sees through a sensor model, from texts of its parameters."""
+    from runner.systems.encounters import SensedSystem, SensorModel
+
+    model = SensorModel(**arguments(SensorModel, given, name))  # type: ignore[arg-type]
+
+    def build() -> System:
+        system = factory()
+        assert not isinstance(system, WorldDriven)  # none of these has sensors
+        return SensedSystem(system, model)
+
+    return build
+
+
+OF_SYSTEM = "sut_"
+"""Beginning of the names of a scenario's parameters that are the system's: `sut_delay`"""
+
+
+def with_parameters(
+    sut: str | System | None, parameters: Mapping[str, Any]
+) -> tuple[str | System | None, tuple[str, ...]]:
+    """A system with the values of a scenario's parameters `sut_NAME`, and the names of those that
+    it does not have.
+
+    Values of the scenario replace those of the system's name: a search or a variation file varies
+    them. A class of the user is given all of them, and refuses what it does not have.
+    """
+    given = {
+        name.removeprefix(OF_SYSTEM): str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in parameters.items()
+        if name.startswith(OF_SYSTEM)
+    }
+    if not given:
+        return sut, ()
+    if not isinstance(sut, str) or sut == "none":
+        return sut, tuple(given)
+    name, own = split(sut, _own())
+    if not is_foreign(sut):
+        factory = find_system(name if FIRST not in own else sut)
+        known = names_of(getattr(factory, "func", factory)) if factory is not None else ()
+        unknown = tuple(key for key in given if key not in known)
+    else:
+        unknown = ()
+    values = own | {key: text for key, text in given.items() if key not in unknown}
+    texts = (f"{key}={text}" if key != FIRST else text for key, text in values.items())
+    return f"{name}:{','.join(texts)}" if values else sut, unknown
 
 
 def _told(name: str, entry: _ClassReference) -> str:

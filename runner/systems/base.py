@@ -256,6 +256,10 @@ class WorldDriven:
 SENSOR_RANGE = "sensor_range"
 """Parameter for the range (m) of a system's sensor, if it has one; failed verdicts mention it."""
 
+SENSORS = ("reach", "field", "occlusion", "delay", "missed", "ghosts", "rain")
+"""Parameters of sensor models (`runner.systems.encounters.SensorModel`), which systems with a true
+class attribute `sensors` have besides their own"""
+
 Value = float | int | bool | str
 _BOOLEANS = {"true": True, "false": False}
 FIRST = ""
@@ -291,8 +295,13 @@ def split(text: str, known: Collection[str] = ()) -> tuple[str, dict[str, str]]:
     return name, given
 
 
-def arguments(factory: Callable[..., Any], given: dict[str, str], name: str) -> dict[str, Value]:
+def arguments(
+    factory: Callable[..., Any], given: Mapping[str, str], name: str, more: Sequence[str] = ()
+) -> dict[str, Value]:
     """The arguments of a class of that name, from texts.
+
+    Args:
+        more: names of other parameters, for messages.
 
     Raises:
         UsageError: it has no such parameter, or a text is no value of its type.
@@ -303,7 +312,7 @@ def arguments(factory: Callable[..., Any], given: dict[str, str], name: str) -> 
         if parameter == FIRST and declared:
             parameter = next(iter(declared))
         if parameter not in declared:
-            there = ", ".join(declared) or "none"
+            there = ", ".join((*declared, *more)) or "none"
             raise UsageError(
                 f"the system under test {name!r} has no parameter {parameter!r}; there are {there}"
             )
@@ -323,6 +332,11 @@ def parameters_of(system: Any) -> dict[str, Value]:
         return remote
     parameters = {name: _attribute(system, name) for name in _declared(type(system))}
     return {name: value for name, value in parameters.items() if isinstance(value, Value)}
+
+
+def names_of(factory: Callable[..., Any]) -> tuple[str, ...]:
+    """Names of the parameters of a class, those of its sensor model included."""
+    return (*_declared(factory), *(SENSORS if getattr(factory, "sensors", False) else ()))
 
 
 def _attribute(system: Any, name: str) -> Any:

@@ -1,4 +1,5 @@
-"""Participants ahead as the ego sees them, along and across its heading: inputs of drivers.
+"""Participants ahead as the ego sees them, along and across its heading: inputs of drivers; and
+sensor models, which decide what a system sees.
 
 Formulas hold for one run and, as arrays, for many, so that a law is written once: conditions are
 combined by `&` and `|`, and both sides of a choice are worked out. Parameters of type `Any` that
@@ -7,8 +8,11 @@ are m or s or m/s are numbers, or arrays of them over runs.
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,8 +20,17 @@ import numpy as np
 from runner.engine.participants.boxes import outlook, spans
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.participants.outlines import extents, seen_by
-from runner.systems.base import Observation, Participant
+from runner.systems.base import (
+    Control,
+    Observation,
+    Participant,
+    Pose,
+    SystemUnderTest,
+    Value,
+    parameters_of,
+)
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.systems.arrays import BatchObservation
@@ -211,3 +224,195 @@ def _relative(ego: Participant, other: Participant) -> tuple[float, float]:
     m/s."""
     c, s = math.cos(ego.h), math.sin(ego.h)
     return other.vx * c + other.vy * s, (other.vy - ego.vy) * c - (other.vx - ego.vx) * s
+
+
+# sensor models ------------------------------------------------------------------------------
+
+_SPELL = 0.5
+"""Time (s) for which a participant is missed, or a ghost is seen: chance must not depend on the
+time step"""
+_GHOST = BoundingBox(0.0, 0.0, 0.75, 4.5, 1.8, 1.5)
+_GHOST_NEAR, _GHOST_FAR = 10.0, 100.0
+"""Distances (m) between which ghosts stand ahead"""
+_RAIN_K, _RAIN_A = 1.13, 0.72
+"""Specific attenuation k·Rᵃ (dB/km) of rain of R mm/h at 77 GHz: ITU-R P.838-3, horizontal
+polarisation, between the values for 70 and 80 GHz"""
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """What a system sees of the participants around it; without parameters all of them, at once.
+
+    A participant is seen if its box is within range and field of view, and not hidden. Chance is
+    drawn anew every 0.5 s by the run's seed, so that a run repeats.
+
+    T. Hanke and others, Generic architecture for simulation of ADAS sensors, International Radar
+    Symposium 2015 (stages: field of view, occlusion, detection, delay).
+
+    Args:
+        reach: greatest distance of the centres of the boxes, m.
+        field: angle of the field of view about the heading, °.
+        occlusion: whether boxes of others hide a participant of which neither the centre nor a
+            corner can be seen from the centre of the ego's box.
+        delay: age of what is seen, s.
+        missed: share of time in which a participant is not detected.
+        ghosts: standing cars that are not there, ahead in the ego's lane, per minute.
+        rain: whether the environment's rain shortens the reach as that of a 77 GHz radar: the
+            power of the echo falls by the fourth power of the distance, and by the attenuation of
+            the rain both ways.
+    """
+
+    reach: float = math.inf
+    field: float = 360.0
+    occlusion: bool = False
+    delay: float = 0.0
+    missed: float = 0.0
+    ghosts: float = 0.0
+    rain: bool = False
+
+    def __post_init__(self) -> None:
+        limits = {
+            "reach": (0.0, math.inf), "field": (0.0, 360.0), "delay": (0.0, 10.0),
+            "missed": (0.0, 1.0), "ghosts": (0.0, 120.0),
+        }  # fmt: skip
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise UsageError(f"the sensor's {name} is from {low:g} to {high:g}, not {value:g}")
+
+    def detected(self, observation: Observation, seed: int) -> list[Participant]:
+        """Participants that are seen, and ghosts."""
+        ego, spell = observation.ego, math.floor(observation.time / _SPELL + 1e-6)
+        most = self.reach
+        if self.rain:
+            most = rainy_reach(most, rain_of(observation.environment.weather))
+        found = [
+            other
+            for other in observation.others
+            if self._is_in_view(ego, other, most)
+            and not (self.occlusion and _is_hidden(ego, other, observation.others))
+            and _chance(seed, "missed", other.name, spell) >= self.missed
+        ]
+        if _chance(seed, "ghost", "", spell) < self.ghosts * _SPELL / 60.0:
+            far = min(_GHOST_FAR, most)
+            ahead = _GHOST_NEAR + (far - _GHOST_NEAR) * _chance(seed, "place", "", spell)
+            found.append(_ghost(ego, max(ahead, _GHOST_NEAR), spell))
+        return found
+
+    def _is_in_view(self, ego: Participant, other: Participant, most: float) -> bool:
+        view = outlook(ego, other)
+        if math.hypot(view.x, view.y) > most:
+            return False
+        half = math.radians(self.field / 2.0)
+        # A box that the border of the field crosses is seen in part.
+        return half >= math.pi or any(
+            abs(math.atan2(y, x)) <= half for x, y in _outline(view, other.box)
+        )
+
+
+def rain_of(weather: Mapping[str, str]) -> float:
+    """Intensity of rain (mm/h) of an environment's weather; 0 where it does not rain."""
+    if weather.get("Precipitation.precipitationType", "rain") != "rain":
+        return 0.0
+    try:
+        return max(float(weather.get("Precipitation.precipitationIntensity", 0.0)), 0.0)
+    except ValueError:
+        return 0.0
+
+
+def rainy_reach(reach: float, intensity: float) -> float:
+    """Distance (m) at which the echo in rain (mm/h) is as strong as at the reach (m) in dry air."""
+    if intensity <= 0.0 or not 0.0 < reach < math.inf:
+        return reach
+    loss = 2.0 * _RAIN_K * intensity**_RAIN_A / 1000.0
+    low, high = 0.0, reach
+    for _ in range(40):
+        middle = (low + high) / 2.0
+        low, high = (
+            (middle, high)
+            if 40.0 * math.log10(middle / reach) + loss * middle <= 0.0
+            else (low, middle)
+        )
+    return low
+
+
+def _outline(view: Any, box: BoundingBox) -> list[tuple[float, float]]:
+    """Centre and corners of a box as seen from the centre of another one, m."""
+    half = box.length / 2.0, box.width / 2.0
+    corners = [(a * half[0], b * half[1]) for a in (1, -1) for b in (1, -1)]
+    return [(view.x, view.y)] + [
+        (view.x + x * view.cos - y * view.sin, view.y + x * view.sin + y * view.cos)
+        for x, y in corners
+    ]
+
+
+def _is_hidden(ego: Participant, other: Participant, everyone: Sequence[Participant]) -> bool:
+    """Whether boxes of others are before the centre and all corners of a participant's box."""
+    rays = _outline(outlook(ego, other), other.box)
+    screens = [(outlook(ego, each), each.box) for each in everyone if each is not other]
+    return bool(screens) and all(
+        any(_crosses(ray, view, box) for view, box in screens) for ray in rays
+    )
+
+
+def _crosses(ray: tuple[float, float], view: Any, box: BoundingBox) -> bool:
+    """Whether the segment from the origin to a point crosses a box: slabs in the box's frame."""
+    low, high = 0.0, 1.0
+    start = (-view.x * view.cos - view.y * view.sin, view.x * view.sin - view.y * view.cos)
+    way = (ray[0] * view.cos + ray[1] * view.sin, ray[1] * view.cos - ray[0] * view.sin)
+    for at, step, half in zip(start, way, (box.length / 2.0, box.width / 2.0), strict=True):
+        if abs(step) < 1e-12:
+            if abs(at) >= half:
+                return False
+            continue
+        ends = sorted(((-half - at) / step, (half - at) / step))
+        low, high = max(low, ends[0]), min(high, ends[1])
+    return low < high
+
+
+def _ghost(ego: Participant, ahead: float, spell: int) -> Participant:
+    """A standing car that is not there, at a distance (m) ahead of the ego."""
+    return Participant(
+        f"ghost {spell}", "vehicle", "car", _GHOST,
+        x=ego.x + ahead * math.cos(ego.h), y=ego.y + ahead * math.sin(ego.h), z=ego.z, h=ego.h,
+    )  # fmt: skip
+
+
+def _chance(seed: int, kind: str, name: str, spell: int) -> float:
+    """A number from 0 to below 1 that is the same in each run of a seed."""
+    text = f"{seed}|{kind}|{name}|{spell}".encode()
+    return int.from_bytes(hashlib.blake2b(text, digest_size=7).digest()) / 2.0**56
+
+
+@dataclass
+class SensedSystem:
+    """A system under test that sees through a sensor model."""
+
+    system: SystemUnderTest
+    model: SensorModel
+    _seed: int = field(init=False, repr=False, default=0)
+    _seen: deque[tuple[float, list[Participant]]] = field(
+        init=False, repr=False, default_factory=deque
+    )
+
+    @property
+    def remote_parameters(self) -> dict[str, Value]:
+        """Parameters of both."""
+        return parameters_of(self.system) | asdict(self.model)
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        """Forget the last run."""
+        self._seed, self._seen = seed, deque()
+        self.system.reset(ego, timestep, seed)
+
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
+        """Answer of the system to what the sensor sees."""
+        detected = self.model.detected(observation, self._seed)
+        self._seen.append((observation.time, detected))
+        due = observation.time - self.model.delay + 1e-9
+        while len(self._seen) > 1 and self._seen[1][0] <= due:
+            self._seen.popleft()
+        time, others = self._seen[0]
+        # Until something is old enough, nothing is seen.
+        seen = others if time <= due else []
+        return self.system.control(observation._replace(others=seen), dt)

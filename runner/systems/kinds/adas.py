@@ -161,6 +161,8 @@ class DriverAssistance:
         clearance: lateral margin of the path, m (that of `aeb` and `idm`).
     """
 
+    sensors = True
+    """It may see through a `runner.systems.encounters.SensorModel`"""
     far_range: float = 250.0
     far_angle: float = 9.0
     near_range: float = 70.0

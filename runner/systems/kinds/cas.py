@@ -142,6 +142,8 @@ class CollisionAvoidance:
         brake: deceleration when in danger, m/s².
     """
 
+    sensors = True
+    """It may see through a `runner.systems.encounters.SensorModel`"""
     sensor_range: float = 10.0
     rss: str = "ad-rss"
     brake: float = 8.0
