@@ -241,7 +241,7 @@ polarisation, between the values for 70 and 80 GHz"""
 
 @dataclass(frozen=True)
 class SensorModel:
-    """What a system sees of the participants around it; without parameters all of them, at once.
+    """Detections of the participants around a system; without parameters all of them, at once.
 
     A participant is seen if its box is within range and field of view, and not hidden. Chance is
     drawn anew every 0.5 s by the run's seed, so that a run repeats.

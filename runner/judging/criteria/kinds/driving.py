@@ -401,7 +401,7 @@ def max_velocity(drive: Drive, max_velocity: float) -> CriterionFinding:
     "SpeedLimitTest",
     unit="m/s",
     summary="it is never faster than the speed limit of its road, or its lane, by more than "
-    "`tolerance` (m/s); none of CARLA's",
+    "`tolerance` (m/s)",
     parameters={"tolerance": 0.0},
     on_roads=True,
 )
