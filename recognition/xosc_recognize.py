@@ -38,7 +38,7 @@ from schemas.common.terminal.options import (
     with_settings,
     writable_folder,
 )
-from schemas.common.terminal.text import many
+from schemas.common.terminal.text import alike, many
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary
@@ -224,7 +224,7 @@ def replay(
             "--raw", help="Replay the recorded places and headings, not the smoothed motion."
         ),
     ] = False,
-    _verbose: Verbose = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
@@ -241,7 +241,7 @@ def replay(
         path, out, ego=ego, road=given.road, columns=given.columns, version=form.version, raw=raw
     )
     if not quiet:
-        for remark in made.remarks:
+        for remark in made.remarks if verbose else alike(made.remarks):
             say(f"{NAME}: remark: {remark}", to=sys.stderr)
         for file in made.files:
             say(f"written: {file}")
@@ -596,15 +596,34 @@ class _CatalogueByDefault(CommandGroup):
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """The arguments of the group; what is left are those of the command."""
-        own = (*self.commands, *ctx.help_option_names, "--version")
+        own = (*self.commands, *ctx.help_option_names, "--version", "--formats")
         return super().parse_args(ctx, args if args and args[0] in own else [_DEFAULT, *args])
 
 
 app = new_app(NAME, _CatalogueByDefault)
 
 
+def _print_formats(wanted: bool) -> None:
+    if wanted:
+        from recognition.recordings.source import formats
+
+        say(*formats())
+        raise typer.Exit
+
+
 @app.callback(epilog=_EPILOG)
-def xosc_recognize(_version: Version = False) -> None:
+def xosc_recognize(
+    _formats: Annotated[
+        bool,
+        typer.Option(
+            "--formats",
+            callback=_print_formats,
+            is_eager=True,
+            help="List the formats of recordings that are read.",
+        ),
+    ] = False,
+    _version: Version = False,
+) -> None:
     """Inspect recordings, make catalogues or replays of them, find and write scenarios, label runs,
     record traffic, train models; each has --help."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -107,7 +107,7 @@ def xosc_run(
                 "sets are played in arrays, kinematically: passed means so there; "
                 "failures and nearest misses are run on SUMO"
             )
-        outcomes = _counted(_outcomes(chosen, settings, batch, also, table.tell, in_arrays), work)
+        outcomes = _counted(_outcomes(chosen, settings, batch, also, table, in_arrays), work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
@@ -133,7 +133,7 @@ def _outcomes(
     settings: RunSettings,
     batch: BatchOptions,
     also: Sequence[Also],
-    tell: Callable[[str], None],
+    table: OutcomeTable,
     in_arrays: bool,
 ) -> Generator[Outcome]:
     """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave
@@ -143,12 +143,12 @@ def _outcomes(
     if batch.dry_run:
         from runner.view.rehearsal import rehearse_batch
 
-        return rehearse_batch(chosen, settings, batch.jobs)
+        return rehearse_batch(chosen, settings, batch.jobs, table.working)
     together = None
     if in_arrays:
         from runner.batch.arrays import Together
 
-        together = Together(chosen, settings, batch.out, tell, batch.jobs)
+        together = Together(chosen, settings, batch.out, table.tell, batch.jobs)
     outcomes = run_batch(
         chosen if together is None else iter(together),
         settings,

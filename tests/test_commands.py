@@ -59,6 +59,7 @@ HELP_LINES, HELP_COLUMNS = 60, 80
 def test_help_is_short_and_names_every_option(command: Command, name: list[str]) -> None:
     brief, full = (command(*name, option).out for option in ("--help", "--help-all"))
     assert len(brief.splitlines()) <= HELP_LINES
+    assert "..." not in brief.partition("Commands:")[2].partition("\n\n")[0]
     prose = brief.partition("\n\n")[2].partition("  Examples:")[0].splitlines()
     assert max(map(len, prose)) <= HELP_COLUMNS
     options = r"(?<=[ /])--[a-z][\w-]+"

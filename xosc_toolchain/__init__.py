@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from runner.judging.measures.criticality import Criticality as Criticality
     from runner.judging.measures.measure import measures as measures
     from runner.judging.result import RunResult as RunResult
+    from runner.judging.result import Verdict as Verdict
     from runner.judging.settings import RunSettings as RunSettings
     from runner.systems import Control as Control
     from runner.systems import Observation as Observation
@@ -42,7 +43,10 @@ if TYPE_CHECKING:
     from schemas import Problem as Problem
     from schemas import check as check
     from schemas import check_many as check_many
+    from schemas.common.errors import InvalidFile as InvalidFile
     from schemas.common.errors import ToolchainError as ToolchainError
+    from schemas.common.errors import Unsupported as Unsupported
+    from schemas.common.errors import UsageError as UsageError
     from xodr import RoadNetwork as RoadNetwork
     from xodr import load as load_road
     from xodr.formats.maps import files as road
@@ -61,6 +65,7 @@ else:
         "Control": "runner.systems",
         "Criticality": "runner.judging.measures.criticality",
         "Document": "xosc",
+        "InvalidFile": "schemas.common.errors",
         "Observation": "runner.systems",
         "Participant": "runner.systems",
         "Pose": "runner.systems",
@@ -74,6 +79,9 @@ else:
         "SystemUnderTest": "runner.systems",
         "TRFE": "recognition.trfe.trfe",
         "ToolchainError": "schemas.common.errors",
+        "Unsupported": "schemas.common.errors",
+        "UsageError": "schemas.common.errors",
+        "Verdict": "runner.judging.result",
         "check": "schemas",
         "check_many": "schemas",
         "convert": "xosc",
@@ -115,6 +123,7 @@ __all__ = [
     "Control",
     "Criticality",
     "Document",
+    "InvalidFile",
     "Observation",
     "Participant",
     "Pose",
@@ -127,6 +136,9 @@ __all__ = [
     "Session",
     "SystemUnderTest",
     "ToolchainError",
+    "Unsupported",
+    "UsageError",
+    "Verdict",
     "check",
     "check_many",
     "convert",

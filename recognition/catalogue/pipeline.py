@@ -42,6 +42,7 @@ from runner.batch.pool import Workers, results
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.storage import digest
+from schemas.common.terminal.files import LIBRARY
 from schemas.common.terminal.text import many
 from xosc.document import to_bytes
 from xosc.writing import tags
@@ -406,8 +407,9 @@ def label_runs(
     """Label the runs in a folder and annotate their scenarios.
 
     Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as
-    properties (from version 1.2 on), and the tags as OpenLABEL. The scenario itself is written only
-    `in_place`. `labels.json` in the folder lists all that was found.
+    properties (from version 1.2 on), and the tags as OpenLABEL; beside a shipped one neither.
+    The scenario itself is written only `in_place`. `labels.json` in the folder lists all that was
+    found.
 
     Raises:
         InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any
@@ -435,6 +437,7 @@ def label_runs(
         path: content
         for scenario, of in by_scenario.items()
         for path, content in _annotations(scenario, of, found, in_place)
+        if path.parent.resolve() != LIBRARY.resolve()  # it is not the user's to write to
     }
     edited = [
         path

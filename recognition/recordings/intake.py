@@ -416,7 +416,11 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
         else "tracks are of different times"
     )
     return Check(
-        "overlaps", REFUSED, share, f"{reason}: {own}, or vehicles were tracked several times"
+        "overlaps",
+        REFUSED,
+        share,
+        f"{reason}: {own}, or vehicles were tracked several times; a table with one clock and one "
+        "track a vehicle is needed",
     )
 
 

@@ -326,11 +326,20 @@ def open(
     return DataSet(path, partial(_find, path, folder, columns))
 
 
-def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], list[Path]]:
-    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+def formats() -> list[str]:
+    """Return a sentence on each format of recordings that can be read, installed ones included."""
+    return [" ".join(str(module.__doc__).partition("\n\n")[0].split()) for module in _modules()]
+
+
+def _modules() -> list[Any]:
     by_content = packages.described(FORMATS, "BY_CONTENT")
     modules = [import_module(f"{FORMATS}.{name}") for name in by_content]
-    modules += plugins.modules("xosc.dataset", taken=by_content, needs=_PARTS).values()
+    return [*modules, *plugins.modules("xosc.dataset", taken=by_content, needs=_PARTS).values()]
+
+
+def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], list[Path]]:
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    modules = _modules()
     # Formats that claim by name come first: contents of their files may look like others'.
     formats: list[Any] = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
     if columns is not None:

@@ -50,6 +50,11 @@ _TABLE, _PAGES = (
 """Further files of a batch in its folder"""
 BATCH_FILES = frozenset({_JOURNAL, _SETTINGS, _TABLE, WORK, *_PAGES})
 """Names of all files that a batch writes into its folder itself"""
+_MOVING = frozenset({
+    "sut", "sut_timeout", "sut_in_process", "ego", "timestep", "seed", "max_time", "world",
+    "end_after_collision", "enforce_constraints", "strict", "road", "road_path", "catalog_path",
+})  # fmt: skip
+"""Settings of a batch by which its runs come out again"""
 FORMAT = 1
 """Version of the files in the folder of a batch; it changes where a reader of older ones would
 misread them"""
@@ -398,15 +403,36 @@ _NAMED = 5
 """Files that a command names, at most; of more it names their folder"""
 
 
+def jobs_at(path: Path) -> tuple[Path, list[Job]]:
+    """Return the batch that a folder is or lies in, and the finished runs that the folder stands
+    for; none where it is neither a batch nor a run.
+    """
+    batch = path if is_batch(path) else path.parent
+    if not is_batch(batch):
+        return batch, []
+    jobs = [outcome.job for outcome in finished(batch).outcomes.values()]
+    return batch, [job for job in jobs if path in (batch, batch / job.name)]
+
+
+def run_settings(batch: Path) -> RunSettings:
+    """Return the settings of a batch by which its runs come out again; limits, which only judge
+    them, are left out.
+
+    Raises:
+        UsageError: the folder is not that of a batch.
+        InvalidFile: their file is damaged.
+    """
+    kept = {name: value for name, value in settings(batch).items() if name in _MOVING}
+    paths = {name: tuple(map(Path, kept.pop(name, ()))) for name in ("road_path", "catalog_path")}
+    road = kept.pop("road", None)
+    return RunSettings(**kept, **paths, road=Path(road) if road else None)
+
+
 def repeated_by(path: Path) -> str:
     """Return the command that repeats a batch, or a run of it; empty where the
     folder is neither.
     """
-    batch = path if is_batch(path) else path.parent
-    if not is_batch(batch):
-        return ""
-    jobs = [outcome.job for outcome in finished(batch).outcomes.values()]
-    jobs = [job for job in jobs if path in (batch, batch / job.name)]
+    batch, jobs = jobs_at(path)
     if not jobs:
         return ""
     sources = list(dict.fromkeys(str(job.source) for job in jobs))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,8 @@ from schemas.common.terminal.options import READ, completed, parameters_of, with
 from schemas.common.terminal.text import shown
 
 if TYPE_CHECKING:
+    from runner.batch.jobs import Job
+    from runner.exchange.exports import ExportTarget
     from runner.exchange.exports.exporting import Exported
 
 _EXAMPLES = (
@@ -63,7 +66,8 @@ def xosc_export(
         typer.Argument(
             metavar="PATH...",
             autocompletion=complete_name,
-            help="Scenarios, distributions, catalogues; folders, globs, names of shipped ones.",
+            help="Scenarios, distributions, catalogues; folders, globs, names of shipped ones; "
+            "results of runs.",
         ),
     ],
     to: Annotated[
@@ -92,7 +96,8 @@ def xosc_export(
     _version: Version = False,
 ) -> None:
     """Export OpenSCENARIO files, or runs of them, to what other tools read."""
-    from runner.exchange.exports.exporting import export_documents, export_runs
+    from runner.batch.journal import run_settings
+    from runner.exchange.exports.exporting import export_documents, export_jobs, export_runs
     from xosc.exports.draft import Folder
 
     target = target_of(to)
@@ -101,9 +106,15 @@ def xosc_export(
             f"there is no target {to!r}; {nearest(to, (*TARGETS, *installed(GROUP)))} (--targets "
             "explains them)"
         )
-    sources = _sources(paths)
+    recorded = _recorded(paths, target)
+    sources = _sources(paths) if not recorded else []
     selection = selection_of(only, sample, settings.seed, sources)
-    if target.of_run:
+    if recorded:
+        folder = Folder(out, overwrite)
+        exports = chain.from_iterable(
+            export_jobs(jobs, target, folder, run_settings(batch)) for batch, jobs in recorded
+        )
+    elif target.of_run:
         exports = export_runs(
             sources, target, Folder(out, overwrite), settings, parameters_of(param or []), selection
         )
@@ -117,6 +128,18 @@ def xosc_export(
     )
 
 
+def _recorded(paths: list[str], target: ExportTarget) -> list[tuple[Path, list[Job]]]:
+    """Batches and their runs that paths stand for, where all do and runs are exported.
+
+    Runs are not read but made again, by the settings of their batch: targets need more than is
+    recorded.
+    """
+    from runner.batch.journal import jobs_at
+
+    found = [jobs_at(Path(path)) for path in paths] if target.of_run else []
+    return found if all(jobs for _, jobs in found) else []
+
+
 def _sources(paths: list[str]) -> list[Path]:
     """Expand the given names; roads only if they are named themselves, since scenarios take theirs
     along."""
@@ -126,8 +149,8 @@ def _sources(paths: list[str]) -> list[Path]:
     for path in paths:
         if journal.repeated_by(Path(path)):
             told = (
-                "results of runs are here: name their scenarios; one with the values of "
-                "a run is written by "
+                "results of runs are here, which targets of runs alone export; one with the "
+                "values of a run is written by "
             )
             raise UsageError(f"{told}xosc new scenario NAME --like FILE -p NAME=VALUE", path=path)
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]

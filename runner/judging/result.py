@@ -64,7 +64,7 @@ class RunEvidence(NamedTuple):
         return self.value >= self.least
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """Outcome of a run, and the reasons for it.
 
@@ -102,6 +102,9 @@ class Verdict:
 
     def __str__(self) -> str:
         return ": ".join(filter(None, (self.outcome, "; ".join(self.reasons))))
+
+    def __repr__(self) -> str:
+        return f"<Verdict {self}>"
 
 
 @dataclass(eq=False, repr=False)

@@ -297,6 +297,8 @@ def _entry(name: str) -> _ClassReference | None:
         return _ClassReference(Path(file).stem, attribute, file)
     if match := re.fullmatch(r"([\w.]+):([\w.]+)", name):
         return _ClassReference(match[1], match[2])
+    if name.endswith(".py"):
+        raise UsageError(f"the system under test is a file: name its class, as {name}:Mine")
     names = sorted({*_own(), *_installed(), "none"})
     hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
     told = f"no system under test is called {name!r}; {guess(name, names)}there are "

@@ -10,7 +10,7 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -34,15 +34,20 @@ from schemas.common.terminal.text import many, one_line, shown
 from xodr.reader import load as load_road
 from xosc.distributions.space import Selection
 
-ALL = 1000
+ALL = 100
 """Number of parameter sets of a file that are rehearsed whatever their values are."""
+_TOLD = 20
+"""Sets after which progress is told"""
 
 
 def rehearse_batch(
-    jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1
+    jobs: Iterable[Job | Outcome],
+    settings: RunSettings,
+    processes: int = 1,
+    working: Callable[[int], None] = lambda _: None,
 ) -> Generator[Outcome]:
     """Load, resolve, compile and begin files; one outcome a file, the gravest of its
-    sets.
+    sets. `working` is called with the number of sets so far.
 
     What a set can break is decided by one of its values or by two that meet, as a rule. Of a file
     with more than `ALL` sets those that follow are rehearsed where two of their values meet for the
@@ -53,8 +58,16 @@ def rehearse_batch(
     with closing(
         each(iter(chosen), partial(_compiled, settings=settings), lost, processes)
     ) as outcomes:
-        for _, group in groupby(outcomes, key=lambda outcome: outcome.job.source):
+        counted = _counted(outcomes, working)
+        for _, group in groupby(counted, key=lambda outcome: outcome.job.source):
             yield _rehearsed(group, chosen.sets)
+
+
+def _counted(outcomes: Iterable[Outcome], working: Callable[[int], None]) -> Iterator[Outcome]:
+    for count, outcome in enumerate(outcomes, 1):
+        if count % _TOLD == 0:
+            working(count)
+        yield outcome
 
 
 class Pairwise:
@@ -104,7 +117,7 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
     job = Job(name, first.source, first.scenario)
     # Sets without a new pair were never worked out: their number is that of the file.
     every = sets[first.source]
-    pairwise = f", {count} of them rehearsed: every two values that meet" if count < every else ""
+    pairwise = f", {count} loaded, with every pair of values" if count < every else ""
     if not failures:
         said = f"{every} parameter sets{pairwise}" * varied
         return Outcome(job, "loaded", 0, said, status="compiled", remarks=[*remarks])

@@ -261,7 +261,7 @@ def test_constraints_can_be_left_aside(xosc_run: Command, tmp_path: Path, passin
     assert (
         excluded.code == 3
         and "Gap = 12" in excluded.err
-        and "variation~000001 Gap=8" in excluded.out
+        and re.search(r"variation~000001 .* Gap=8", excluded.out)
     )
 
 
@@ -435,7 +435,7 @@ def test_numbers_choose_parameter_sets(xosc_run: Command, tmp_path: Path, passin
     answer = xosc_run(variation, "--only", "4, 0-1,17", "--out", tmp_path / "out")
     assert answer.code == 0
     shown = [
-        line[13:].rpartition("0.20 s")[0].strip()
+        re.sub(r" +0\.20 s +stop trigger +", " ", line[13:])
         for line in answer.out.splitlines()
         if line.startswith("PASSED")
     ]
@@ -475,7 +475,7 @@ def test_values_with_many_digits_are_shortened_in_the_table(
 ) -> None:
     sets = distribution(tmp_path, "long", {"Gap": (20.123456789, 21.2, 1.0)}, of="passing")
     answer = xosc_run(sets, "--sut", "none", "--max-time", "0.05")
-    assert "Gap=20.1235 " in answer.out and "Gap=21.1235 " in answer.out
+    assert "Gap=20.1235\n" in answer.out and "Gap=21.1235\n" in answer.out
 
 
 def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(
@@ -581,9 +581,9 @@ def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(
     text = shown.decode()
     assert re.search(r"\r\x1b\[K1 of 4 runs, about \d+ s left", text)
     assert "4 of 4 runs" in text
-    row = re.search(r"PASSED {7}\x1b\[0m(.*?)0\.20 s", text)
-    assert row is not None and "variation~000000 Gap=20, Ego_Speed=10" in row[1]
-    assert len(row[1]) == 120 - 60 + 5  # the column, and what "0.20 s" leaves of the next one
+    row = re.search(r"PASSED {7}\x1b\[0m(.*)\r\n", text)
+    assert row is not None and re.search("variation~000000 .* Gap=20, Ego_Speed=10", row[1])
+    assert len(row[1]) <= 120 - 13  # beside the column of verdicts
 
 
 # as a process -------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import re
 import shlex
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 import xosc_toolchain as xt
@@ -100,3 +101,55 @@ def test_a_scenario_of_ones_own_is_varied_where_it_is(folder: Path, command: Com
         in command(*new, "v", "--like", "here/free.xosc").err
     )
     assert "'a/b' is no name" in command(*new, "a/b", "--like", "here/mine.xosc").err
+
+
+def test_results_of_runs_are_exported_by_their_folder(folder: Path, command: Command) -> None:
+    run = ("--sut", "cas:sensor_range=60", "-p", "CutIn_Gap_m=12", "--timestep", "0.1")
+    assert command("xosc-run", "simple_cut_in", *run, "--out", "before").code == 0
+    answer = command("xosc-export", "before/simple_cut_in", "--to", "parquet", "--out", "tables")
+    assert answer.code == 0
+    before, exported = (
+        pq.read_table(folder / path).to_pandas().set_index(["entity", "time"])["x"]
+        for path in ("before/simple_cut_in/trajectories.parquet", "tables/simple_cut_in.parquet")
+    )
+    assert before.sort_index().tolist() == exported.sort_index().tolist()
+
+
+def test_several_shipped_scenarios_have_one_pattern(folder: Path, command: Command) -> None:
+    answer = command("xosc-run", "--dry-run", "cut_in_*way")
+    assert answer.code == 0 and "cut_in_highway " in answer.out
+    (folder / "cut_in_my_way.xosc").write_text("<no/>")
+    assert "cut_in_highway " not in command("xosc-run", "--dry-run", "cut_in_*way*").out
+    assert command("xosc-run", "--dry-run", "nothing_*").code == 2
+
+
+def test_rows_of_batches_have_the_system_and_labels_of_runs(folder: Path, command: Command) -> None:
+    for system in ("adas", "none"):
+        command("xosc-run", "simple_cut_in", "--sut", system, "--out", system)
+    assert command("xosc-recognize", "label", "adas", "--labels", "rules").code == 0
+    answer = command("xosc-list", "adas", "none", "--columns", "sut,class", "--format", "csv")
+    _, labelled, bare = answer.out.splitlines()
+    assert labelled.startswith("adas,") and "highway cut in" in labelled and bare == "none,"
+    whole = command("xosc-list", "adas", "--format", "csv").out.splitlines()[0]
+    assert "min_ttc" in whole and "end_time" in whole
+    assert command("xosc-list", "adas", "--format", "parquet", "--output", "rows.parquet").code == 0
+    (classes,) = pq.read_table(folder / "rows.parquet")["class"].to_pylist()
+    assert "highway cut in" in classes
+
+
+def test_formats_of_recordings_are_listed(command: Command) -> None:
+    told = command("xosc-recognize", "--formats").out
+    assert all(name in told for name in ("columns.toml", "highD", "NGSIM", "CommonRoad"))
+
+
+def test_a_file_of_systems_is_asked_for_its_class(folder: Path, command: Command) -> None:
+    told = command("xosc-run", "simple_cut_in", "--sut", "mine.py").err
+    assert "mine.py:Mine" in told
+
+
+def test_a_verdict_is_readable_and_errors_have_public_names() -> None:
+    assert repr(xt.Verdict(("collision with Lead at 1.00 s",))) == (
+        "<Verdict failed: collision with Lead at 1.00 s>"
+    )
+    with pytest.raises(xt.UsageError):
+        xt.run("simple_cut_in", parametres={})  # type: ignore[call-overload, unused-ignore]

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from schemas.catalogs import locate
-from schemas.common.errors import InvalidFile, UsageError, nearest, reason
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError, nearest, reason
 from schemas.common.storage import FileSystemPath, is_url, read_bytes, read_object, read_parquet
 from schemas.common.terminal.text import csv_text
 from xosc.document import load
@@ -47,7 +47,7 @@ _NOUNS = {
 }
 _MOST_SHOWN = 6
 """Columns of text of a table that no command has written"""
-_RESULT = "result.json"
+_RESULT, _BATCH, _LABELS = "result.json", "batch.json", "labels.json"
 BATCH = "batch"
 """Column with the folder, where several are joined"""
 
@@ -164,7 +164,36 @@ def read_index(
     # The folder of one run was named: its batch's table has the other runs too.
     if file.name == RUNS and Path(path) not in (file, file.parent) and "name" in names:
         table = table.filter(pc.field("name") == Path(os.path.abspath(path)).name)
-    return Index(file.parent, _flat(table), file.name)
+    flat = _flat(table)
+    return Index(
+        file.parent, _described(flat, file.parent) if file.name == RUNS else flat, file.name
+    )
+
+
+def _described(table: pa.Table, batch: Path) -> pa.Table:
+    """Runs with the system of their batch, and the classes that `xosc-recognize label` gave."""
+    import pyarrow as pa
+
+    system = _json(batch / _BATCH).get("sut")
+    if isinstance(system, str) and "sut" not in table.column_names:
+        table = table.append_column("sut", pa.array([system] * table.num_rows, pa.string()))
+    runs = _json(batch / _LABELS).get("runs")
+    if isinstance(runs, dict) and {"name"} <= set(table.column_names) - {"class"}:
+        classes = [
+            "; ".join(dict.fromkeys(str(row.get("class")) for row in runs.get(name, ()))) or None
+            for name in table["name"].to_pylist()
+        ]
+        table = table.append_column("class", pa.array(classes, pa.string()))
+    return table
+
+
+def _json(path: Path) -> dict[str, Any]:
+    """A JSON object in a file; an empty one where there is none."""
+    try:
+        found = json.loads(read_bytes(path))
+    except (ToolchainError, OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _readable(read: Callable[[], pa.Table], path: str | os.PathLike[str]) -> pa.Table:

@@ -115,7 +115,7 @@ def xosc_list(
     ] = False,
     format: Annotated[
         Literal["text", "json", "csv", "parquet"],
-        typer.Option(help="Format; csv has scenarios only, parquet rows."),
+        typer.Option(help="Format; csv of files has scenarios only, parquet is for rows."),
     ] = "text",
     output: Annotated[
         Path | None, WRITTEN, typer.Option(metavar="FILE", help="Write to a file.")
@@ -137,14 +137,18 @@ def xosc_list(
     if overwrite and copy_to is None:
         raise UsageError("--overwrite is for --copy-to")
     folder = _folder(copy_to, overwrite)
-    if where is not None or sort or distinct or like or columns or _has_rows(paths, folder):
+    asks = where is not None or sort or distinct or like or columns or _has_rows(paths, folder)
+    # A catalogue's rows are a table, as those of batches are; without one they are its scenarios.
+    whole = format in ("csv", "parquet") and not (label or tag) and _all_tables(paths)
+    if asks or whole:
         if label or tag or not paths:
             raise UsageError(
                 "questions are to catalogues, batches and searches: name their folders; "
                 "--where \"class = '…'\" is for --class and --tag"
             )
         asked = _asked(paths, where, sort or [], columns or [], distinct, like, folder, verbose)
-        _deliver_rows(*asked, format, output)
+        index, shown = asked
+        _deliver_rows(index, shown if asks else index.table.column_names, format, output)
         return
     if format == "parquet":
         raise UsageError("--format parquet is for rows of catalogues, batches and searches")
@@ -176,6 +180,12 @@ def _folder(path: Path | None, overwrite: bool) -> Folder | None:
     from xosc.exports.draft import Folder
 
     return Folder(path, overwrite) if path is not None else None
+
+
+def _all_tables(paths: list[str] | None) -> bool:
+    from xosc.listing.tables import table_of
+
+    return bool(paths) and all(map(table_of, paths or ()))
 
 
 def _has_rows(paths: list[str] | None, folder: Folder | None) -> bool:

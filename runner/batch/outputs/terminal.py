@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from schemas.common.remarks import told_quietly
-from schemas.common.terminal.text import many, one_line
+from schemas.common.terminal.text import alike, many, one_line
 
 if TYPE_CHECKING:
     from runner.batch.batch import BatchComparison
@@ -60,8 +60,6 @@ exit code"""
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 IN_ARRAYS = "in arrays, kinematically"
 """Message of a run that passed in arrays where the world of the others is another one"""
-_LOCATION = re.compile(r"^.*?:\d+: ")
-"""Start of a remark: the file and its line"""
 _NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
 _DRAWN = re.compile(r"(?<==)-?\d+\.\d{5,}\b")
 """Values with more digits than a reader needs, as draws of a distribution have them"""
@@ -87,7 +85,7 @@ class OutcomeTable:
         self._counts = dict.fromkeys(_WORDS, 0)
         self._in_arrays = 0
         self._groups: dict[tuple[str, str], list[str]] = {}
-        self._remarks: dict[str, list[str]] = {}
+        self._remarks: list[str] = []
         self._told: set[str] = set()
         self._contacts: list[tuple[str, dict[str, Any]]] = []
         self._last = self._evidence = ""
@@ -95,7 +93,7 @@ class OutcomeTable:
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
         if not self._quiet and not any(self._counts.values()) and outcome.state != "loaded":
-            self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
+            self._print(f"{'verdict':{_WORD}}{'run':{_NAME}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
         self._in_arrays += outcome.message == IN_ARRAYS
         self._last = outcome.job.name if outcome.state != "error" else ""
@@ -105,9 +103,7 @@ class OutcomeTable:
             self._groups.setdefault((outcome.state, _cause(outcome)), []).append(_title(outcome))
         if outcome.impact is not None:
             self._contacts.append((_title(outcome), outcome.impact))
-        for remark in outcome.remarks:
-            # Without file and line: one remark on many sets of a file is told once.
-            self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
+        self._remarks += outcome.remarks
         if grave or not self._quiet:
             self._print(self._line(outcome))
             if self._verbose and self._evidence:
@@ -151,7 +147,7 @@ class OutcomeTable:
         word = f"{_WORDS[outcome.state]:{_WORD}}"
         if self._terminal:
             word = f"{_COLOURS[outcome.state]}{word}{_OFF}"
-        name, width = _title(outcome), self._width
+        name, width = one_line(outcome.job.name), self._width
         # Cut on a terminal only: logs and pipes keep whole names.
         if self._terminal and len(name) > width:
             # In the middle: names of sets differ at their ends.
@@ -165,7 +161,19 @@ class OutcomeTable:
             how = ": ".join(filter(None, (how, outcome.message)))
         if outcome.remarks:
             how += f" ({many(len(outcome.remarks), 'remark')})"
-        return f"{word}{name:{width}}  {end:>9}  {how}"
+        # Values come last: there may be many, and verdict and reason are looked for first.
+        values = _title(outcome)[len(one_line(outcome.job.name)) :].strip()
+        line = f"{name:{_NAME}}  {end:>9}  {how}"
+        if values and self._terminal:
+            room = shutil.get_terminal_size().columns - _WORD - len(line) - 2
+            values = values if len(values) <= room else f"{values[: max(room - 1, 0)]}…"
+        return f"{word}{line}  {values}".rstrip()
+
+    def working(self, count: int) -> None:
+        """Show how many parameter sets have been rehearsed of files that have no line yet."""
+        if self._progress:
+            sys.stderr.write(f"{_CLEAR}{count:,} parameter sets rehearsed")
+            sys.stderr.flush()
 
     def close(self, left_out: Mapping[Path, int] = MappingProxyType({})) -> None:
         """Print remarks, equal ones once, and a summary of several runs: failures by cause, the
@@ -182,14 +190,11 @@ class OutcomeTable:
             sys.stderr.write(_CLEAR)
         runs = sum(self._counts.values())
         if self._quiet:
-            if repaired := told_quietly(
-                remark for same in self._remarks.values() for remark in same
-            ):
+            if repaired := told_quietly(self._remarks):
                 print(f"xosc-run: {one_line(repaired)}", file=sys.stderr, flush=True)
             return
-        for same in self._remarks.values():
-            times = f" (and {len(same) - 1} more like it)" if len(same) > 1 else ""
-            self._print(f"remark: {same[0]}{times}")
+        for remark in alike(self._remarks):
+            self._print(f"remark: {remark}")
         for path, count in left_out.items():
             text = (
                 f"{path}: {many(count, 'parameter set')} left out: the values violate the "

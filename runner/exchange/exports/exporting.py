@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.batch.jobs import Outcome, assumed, jobs_of
+from runner.batch.jobs import Job, Outcome, assumed, jobs_of
 from runner.judging.result import INCONCLUSIVE
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, ToolchainError, describe
@@ -98,12 +98,18 @@ def export_runs(
 ) -> Iterator[Exported]:
     """Run files, distributions with every chosen set of parameters, and export the runs. Failed
     verdicts are runs as well."""
+    jobs = jobs_of(_runnable(sources), dict(parameters), settings.enforce_constraints, selection)
+    yield from export_jobs(jobs, target, folder, settings)
+
+
+def export_jobs(
+    jobs: Iterable[Job | Outcome], target: ExportTarget, folder: Folder, settings: RunSettings
+) -> Iterator[Exported]:
+    """Run jobs, and export the runs."""
     from runner.judging.execution import run
 
     module = import_module(target.module)
-    for job in jobs_of(
-        _runnable(sources), dict(parameters), settings.enforce_constraints, selection
-    ):
+    for job in jobs:
         if isinstance(job, Outcome):
             yield Exported(job.job.name, job.exit_code, [job.message])
             continue

@@ -109,6 +109,10 @@ class _HelpInFull:
         PlainValues.read([option])
         return option
 
+    def get_short_help_str(self, limit: int = 0) -> str:
+        """The first sentence in full: click cuts it to one line, often before its verb's object."""
+        return str(super().get_short_help_str(sys.maxsize))  # type: ignore[misc]
+
 
 class CommandGroup(_HelpInFull, TyperGroup):
     """A group of commands."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator
+from fnmatch import filter as filter_names
 from functools import cache
 from glob import escape, glob, has_magic
 from pathlib import Path
@@ -19,6 +20,7 @@ LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 ROADS = Path(__file__).parents[3] / "xodr" / "library"
 """The shipped roads"""
 SUFFIXES = (".xosc", ".xodr")
+_SHOWN = "xosc list shows all of these, and a pattern stands for several, as 'cut_in_*'"
 
 
 def expand(arguments: Iterable[str]) -> list[Path]:
@@ -28,7 +30,8 @@ def expand(arguments: Iterable[str]) -> list[Path]:
     A file is taken as it is, whatever its name, and also where it does not exist; a name without an
     ending stands for a scenario (`named`); a folder stands
     for the scenario and road files in it and below it, see `files_in`; a glob (`**` for any depth)
-    for the scenario and road files that it matches, and for those in the folders that it matches.
+    for the scenario and road files that it matches, and for those in the folders that it matches;
+    where it matches none, for the shipped scenarios whose names it matches.
 
     Raises:
         UsageError: a folder or a glob stands for no file.
@@ -58,8 +61,7 @@ def named(path: Path) -> Path:
     if name in shipped():
         return _relative(LIBRARY / own)
     told = (
-        "neither a file nor the name of a shipped scenario; "
-        f"{similar(name, shipped()) or 'xosc list shows all of these'}"
+        f"neither a file nor the name of a shipped scenario; {similar(name, shipped()) or _SHOWN}"
     )
     raise InvalidFile(told, path=path)
 
@@ -136,6 +138,9 @@ def _expand(argument: str) -> list[Path]:
         [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
     )
     found = [file for match in matches for file in files_in(match)]
+    # As a name does, a pattern without a folder stands for shipped scenarios where no file has it.
+    if not found and is_glob and path.name == argument:
+        found = [_relative(LIBRARY / f"{name}.xosc") for name in filter_names(shipped(), argument)]
     if not found:
         raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
     return found

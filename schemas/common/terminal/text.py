@@ -19,6 +19,9 @@ _COMMAND = re.compile(r"^\s*(?=::)|(?<=#)(?=#\w*\[)")
 """Start of a workflow command in a line of text: GitHub (`::error::`, `##[error]`), Azure
 (`##vso[…]`), TeamCity (`##teamcity[…]`)"""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
+_LOCATION = re.compile(r"^.*?:\d+: ")
+"""Start of a remark: the file and its line"""
+_NUMBER = re.compile(r"\d+(\.\d+)?")
 _MARKS = re.compile(r"([\\`*_{}\[\]<>|])")
 
 
@@ -122,6 +125,22 @@ def many(count: int, one: str, several: str = "") -> str:
     """A number of things, as `1 run`, `2,000 runs`; `several` where the plural is not one with an
     s."""
     return f"{count:,} {one if count == 1 else several or f'{one}s'}"
+
+
+def alike(texts: Iterable[str]) -> list[str]:
+    """Texts that differ in file, line and numbers only as one: the first, and how many there are.
+
+    Examples:
+        >>> alike(["a.xosc:3: 2.5 s late", "b.xosc:9: 4.0 s late", "off the road"])
+        ['a.xosc:3: 2.5 s late (and 1 more like it)', 'off the road']
+    """
+    groups: dict[str, list[str]] = {}
+    for text in texts:
+        groups.setdefault(_NUMBER.sub("…", _LOCATION.sub("", text)), []).append(text)
+    return [
+        f"{same[0]} (and {len(same) - 1:,} more like it)" if len(same) > 1 else same[0]
+        for same in groups.values()
+    ]
 
 
 def shown(texts: Sequence[str]) -> list[str]:

@@ -27,6 +27,7 @@ from schemas.common.terminal.command_line import (
 )
 from schemas.common.terminal.files import complete_road, named_road
 from schemas.common.terminal.options import WRITTEN
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from xodr.formats.maps.comparing import MapDifference
@@ -198,7 +199,8 @@ def info_command(
         "objects: " + (", ".join(f"{kind} {n}" for kind, n in about.furniture.items()) or "none"),
         "speed limits: "
         + ", ".join(
-            f"{limit} km/h {length / 1000.0:.3f} km" for limit, length in about.limits.items()
+            f"{limit if limit == 'none' else f'{limit} km/h'} {length / 1000.0:.3f} km"
+            for limit, length in about.limits.items()
         ),
         f"bounds: x {west:.2f} to {east:.2f} m, y {south:.2f} to {north:.2f} m, z "
         f"{about.heights[0]:.2f} to {about.heights[1]:.2f} m",
@@ -400,14 +402,18 @@ def repair_command(
     """Write an OpenDRIVE file without the faults that have one sensible mend;
     each mend is a remark.
     """
+    from schemas import check
     from xodr.formats.maps.files import repair
 
     made = repair(path)
     _keep(made.content, out, overwrite)
+    left = sum(problem.level == "error" for problem in check(out))
     say(
-        f"{out}: {len(made.remarks)} kinds of faults mended",
+        f"{out}: {many(len(made.remarks), 'kind')} of faults mended",
         *(f"remark: {remark}" for remark in made.remarks),
     )
+    if left:
+        say(f"{many(left, 'error')} without one sensible mend left: xosc-check {out}")
 
 
 @app.command("drive")
