@@ -37,7 +37,7 @@ from xosc.distributions.space import Selection
 ALL = 100
 """Number of parameter sets of a file that are rehearsed whatever their values are."""
 _TOLD = 20
-"""Sets after which progress is told"""
+"""Sets between two reports of progress"""
 
 
 def rehearse_batch(
