@@ -423,9 +423,9 @@ def run_settings(batch: Path) -> RunSettings:
         InvalidFile: their file is damaged.
     """
     kept = {name: value for name, value in settings(batch).items() if name in _MOVING}
-    paths = {name: tuple(map(Path, kept.pop(name, ()))) for name in ("road_path", "catalog_path")}
-    road = kept.pop("road", None)
-    return RunSettings(**kept, **paths, road=Path(road) if road else None)
+    # JSON has lists where settings have tuples.
+    listed = {name: tuple(value) for name, value in kept.items() if isinstance(value, list)}
+    return RunSettings(**(kept | listed))
 
 
 def repeated_by(path: Path) -> str:

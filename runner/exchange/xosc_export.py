@@ -109,6 +109,7 @@ def xosc_export(
     recorded = _recorded(paths, target)
     sources = _sources(paths) if not recorded else []
     selection = selection_of(only, sample, settings.seed, sources)
+    exports: Iterator[Exported]
     if recorded:
         folder = Folder(out, overwrite)
         exports = chain.from_iterable(

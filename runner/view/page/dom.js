@@ -32,6 +32,7 @@ function nameCells(row, titles) {
   let column = 0;
   for (const cell of row.cells) {
     if (column || cell.tagName === "TD") cell.dataset.title = titles[column] ?? "";
+    cell.classList.toggle("absent", cell.textContent === "–");
     column += cell.colSpan;
   }
 }

@@ -56,6 +56,15 @@ function cell(found) {
   return el("td", null, state, el("div", { class: "muted" }, linked));
 }
 
+/** Whether parameters are too many for a column each, as in batches of several scenarios. */
+const MANY = data.parameters.length > 8;
+
+/** Values of a run below its name, where parameters have no columns. */
+function values(row) {
+  const given = data.parameters.map((name, i) => [name, row.parameters[i]]).filter(([, value]) => (value ?? "") !== "");
+  return MANY && given.length ? el("div", { class: "muted" }, given.map(([name, value]) => `${name}=${short(value)}`).join(", ")) : null;
+}
+
 function table() {
   const body = el("tbody"),
     told = el("span", { class: "muted", "aria-live": "polite" });
@@ -65,9 +74,9 @@ function table() {
     el(
       "tr",
       null,
-      el("td", { class: "name" }, row.name, row.fate ? el("div", { class: "muted" }, row.fate) : null),
+      el("td", { class: "name" }, row.name, row.fate ? el("div", { class: "muted" }, row.fate) : null, values(row)),
       ...row.cells.map(cell),
-      ...row.parameters.map(value => el("td", { class: "number" }, String(short(value)))),
+      ...(MANY ? [] : row.parameters).map(value => el("td", { class: "number" }, String(short(value)))),
     );
   const kept = row =>
     row.name.toLowerCase().includes(filter.words) &&
@@ -92,7 +101,7 @@ function table() {
   );
   fill();
   const head = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
-  const heads = [["run"], ...data.versions.map(({ title }) => [title]), ...data.parameters.map(name => [name, "number"])];
+  const heads = [["run"], ...data.versions.map(({ title }) => [title]), ...(MANY ? [] : data.parameters).map(name => [name, "number"])];
   return el(
     "section",
     { class: "panel runs" },

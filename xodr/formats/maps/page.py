@@ -115,18 +115,30 @@ def _link(one: LaneMap, lane: MapLane, name: str) -> list[float]:
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>@TITLE@</title>
 <meta name="viewport" content="width=device-width,initial-scale=1">
 <style>
-body{margin:0;font:13px system-ui,sans-serif;display:flex;height:100vh}
-canvas{flex:1;min-width:0;background:#fbfbf8;cursor:grab}
-aside{width:300px;overflow:auto;padding:10px;border-left:1px solid #ccc;box-sizing:border-box}
+body{--page:#fff;--text:#111;--muted:#333;--land:#fbfbf8;--line:#ccc;--link:#05a;
+margin:0;font:13px system-ui,sans-serif;display:flex;height:100vh;
+background:var(--page);color:var(--text);color-scheme:light dark}
+canvas{flex:1;min-width:0;min-height:0;background:var(--land);cursor:grab;touch-action:none}
+aside{width:300px;overflow:auto;padding:10px;border-left:1px solid var(--line);
+box-sizing:border-box;overflow-wrap:anywhere}
+a{color:var(--link)}button{min-width:34px;min-height:34px}
+@media (max-width:700px){body{flex-direction:column}
+aside{width:auto;max-height:45vh;border-left:0;border-top:1px solid var(--line)}}
+@media (prefers-color-scheme:dark){body{--page:#181f27;--text:#eee;--muted:#bbc;--land:#0f1418;
+--line:#444;--link:#6af}}
 i{display:inline-block;width:12px;height:12px;border:1px solid #999;margin:0 4px 0 8px;
 vertical-align:middle}
 h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}
-#told{min-height:3em;color:#333}
+#told{min-height:3em;color:var(--muted)}
 </style><canvas id="map"></canvas><aside><h1>@TITLE@</h1><div>@LEGEND@</div>
 <label><input type="checkbox" id="arrows" checked> directions</label>
 <label><input type="checkbox" id="links"> connections</label>
 <label><input type="checkbox" id="over" checked> second map, findings</label>
-<p id="told">Drag to move, turn the wheel to zoom, click a lane.</p>@ABOUT@<ul>@LIST@</ul></aside>
+<p><button data-zoom="1.5" aria-label="Nearer">+</button>
+<button data-zoom="0.667" aria-label="Further">−</button>
+<button data-zoom="0">whole map</button></p>
+<p id="told" aria-live="polite">Drag to move, turn the wheel to zoom, click a lane.</p>
+@ABOUT@<ul>@LIST@</ul></aside>
 <script type="application/json" id="data">@DATA@</script><script>
 "use strict";
 const data=JSON.parse(document.getElementById("data").textContent),
@@ -184,6 +196,8 @@ w=canvas.clientWidth,h=canvas.clientHeight;
 const x=cx+(e.offsetX-w/2)/scale,y=cy-(e.offsetY-h/2)/scale;scale*=f;cx=x-(e.offsetX-w/2)/scale;
 cy=y+(e.offsetY-h/2)/scale;draw()},
 {passive:false});
+document.querySelectorAll("[data-zoom]").forEach(b=>b.addEventListener("click",()=>{
+if(+b.dataset.zoom)scale*=+b.dataset.zoom;else fit();draw()}));
 let from=null;canvas.addEventListener("pointerdown",e=>{
 from=[e.clientX,e.clientY,e.clientX,e.clientY];
 canvas.setPointerCapture(e.pointerId)});

@@ -6,10 +6,11 @@ function table() {
   const order = { by: null, down: false };
   let count = PAGE,
     runs = [];
+  const tabled = columns.filter(column => !column.parameter || inColumns.length);
   const sortable = [
     { title: "run", of: run => run.name },
     { title: "verdict", of: run => STATES.indexOf(run.state) },
-    ...columns,
+    ...tabled,
   ];
   const heads = sortable.map(column => {
     const head = el(
@@ -62,10 +63,10 @@ function table() {
     return el(
       "tr",
       null,
-      el("td", { class: "name" }, named(run)),
+      el("td", { class: "name" }, named(run), values(run)),
       el("td", null, el("span", { class: `badge ${run.state}` }, run.state)),
       el("td", { class: "why muted" }, run.causes.length ? `${run.causes.join(", ")}: ` : null, reason(run)),
-      ...columns.map(column => el("td", { class: "number" }, shown(column, run))),
+      ...tabled.map(column => el("td", { class: "number" }, shown(column, run))),
     );
   }
 

@@ -89,13 +89,18 @@ function evidence() {
 // severity ------------------------------------------------------------------------------------
 
 const WORST = 5;
-/** The values of the parameters that vary, in words. */
 /** Values of a run's own parameters: a batch of several scenarios has those of all. */
 const given = run =>
   data.parameters
     .filter(name => (run.parameters[name] ?? null) !== null)
     .map(name => `${name}=${short(run.parameters[name])}`)
     .join(", ");
+
+/** Parameters with a column of their own: none where there are many, as in batches of several scenarios. */
+const inColumns = data.parameters.length > 8 ? [] : data.parameters;
+
+/** Values of a run below its name, where parameters have no columns. */
+const values = run => (inColumns.length < data.parameters.length ? el("div", { class: "muted" }, given(run)) : null);
 
 /** Runs in their order, but the first of each scenario and cause before its likes: five of one kind would hide the others. */
 function unlike(runs) {
@@ -179,15 +184,15 @@ function history() {
 function change(title, runs, open) {
   const least = columns.filter(({ id }) => ["min_ttc", "min_distance"].includes(id));
   const was = (run, column) => (run.before ? `${sized(column, column.before(run))} → ` : "") + shown(column, run);
-  const numbers = [...data.parameters, ...least.map(column => column.title)],
+  const numbers = [...inColumns, ...least.map(column => column.title)],
     head = [["run"], ["now"], ...numbers.map(title => [title, "number"])];
   const row = run =>
     el(
       "tr",
       null,
-      el("td", { class: "name" }, named(run), ...both(run)),
+      el("td", { class: "name" }, named(run), ...both(run), values(run)),
       el("td", { class: "muted" }, reason(run)),
-      ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
+      ...inColumns.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
       ...least.map(column => el("td", { class: "number" }, was(run, column))),
     );
   const heading = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
