@@ -62,7 +62,8 @@ const MANY = data.parameters.length > 8;
 /** Values of a run below its name, where parameters have no columns. */
 function values(row) {
   const given = data.parameters.map((name, i) => [name, row.parameters[i]]).filter(([, value]) => (value ?? "") !== "");
-  return MANY && given.length ? el("div", { class: "muted" }, given.map(([name, value]) => `${name}=${short(value)}`).join(", ")) : null;
+  const text = given.map(([name, value]) => `${name}=${short(value)}`).join(", ");
+  return MANY && text ? el("div", { class: "muted" }, text) : null;
 }
 
 function table() {
