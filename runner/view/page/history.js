@@ -102,7 +102,8 @@ function table() {
   );
   fill();
   const head = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
-  const heads = [["run"], ...data.versions.map(({ title }) => [title]), ...(MANY ? [] : data.parameters).map(name => [name, "number"])];
+  const parameters = (MANY ? [] : data.parameters).map(name => [name, "number"]);
+  const heads = [["run"], ...data.versions.map(({ title }) => [title]), ...parameters];
   return el(
     "section",
     { class: "panel runs" },
