@@ -24,10 +24,10 @@ def cells(path: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pandas")
     monkeypatch.chdir(tmp_path)
     program = tmp_path / "program.py"
     program.write_text("\n".join("".join(cell["source"]) for cell in cells(path)), encoding="utf-8")
+    assert "pandas" not in program.read_text(encoding="utf-8"), "no extra brings it"
     found = runpy.run_path(str(program))
     results = [value for value in found.values() if isinstance(value, runner.RunResult)]
     assert results and all(len(result.recording.tracks) == 2 for result in results)
