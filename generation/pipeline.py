@@ -791,8 +791,7 @@ def _reward(real: Recorded, settings: SearchSettings, scenario: Path) -> Reward:
     if len(real.theta) < LEAST:
         reason = (
             f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at "
-            f"least {LEAST} are needed: --recorded names more recordings, --density uniform needs "
-            "none"
+            f"least {LEAST} are needed: more recordings, or --density uniform, which needs none"
         )
         raise UsageError(reason, path=scenario)
     name = DEFAULT if settings.density == UNIFORM else settings.density
