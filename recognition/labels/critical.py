@@ -94,6 +94,9 @@ _TURN = 0.25
 """Half of the time (s) over which yaw rates are averaged"""
 _SWERVE = 2.0
 """Greatest time (s) between both sides of a swerve"""
+_MARGIN, _FASTER = 2.0, 1.5
+"""Distance (m) and share of the speed that bound how far a corner of a body moves beyond its
+place: bodies turn, and places are smoothed apart from speeds"""
 _RSS = next(iter(rss.PARAMETERS))
 
 
@@ -367,7 +370,7 @@ def _encounters(
                 yield Exceedance(
                     start, end, when, "rss_margin", float(margin[rows].min()), 0.0, other.name
                 )
-        yield from _meeting(ego, other, between.rows[own], limits)
+        yield from _meeting(ego, other, between.distance[own], limits)
 
 
 def _approach(ego: MotionRows, others: Sequence[MotionRows], between: Relations) -> FloatArray:
@@ -401,12 +404,16 @@ def _on_course(ego: MotionRows, rows: IntArray, ttc: FloatArray) -> BoolArray:
 
 
 def _meeting(
-    ego: MotionRows, other: MotionRows, rows: IntArray, limits: CriticalLimits
+    ego: MotionRows, other: MotionRows, distance: FloatArray, limits: CriticalLimits
 ) -> Iterator[Exceedance]:
-    """The contact with another participant, else the encroachment of paths that cross."""
-    touching = relations(_smaller(ego), [_smaller(other)])
-    inside = touching.distance == 0.0
-    if inside.any():
+    """The contact with another participant, else the encroachment of paths that cross.
+
+    Args:
+        distance: of the boxes at their common instants, m.
+    """
+    # Boxes that are shrunk touch only where whole ones do.
+    touching = relations(_smaller(ego), [_smaller(other)]) if (distance == 0.0).any() else None
+    if touching is not None and (inside := touching.distance == 0.0).any():
         if inside[0]:
             return  # it was there from the beginning: sizes or places are wrong
         at = int(np.flatnonzero(inside)[0])
@@ -419,7 +426,9 @@ def _meeting(
             time = float(ego.time[touching.rows[at]])
             yield Exceedance(time, time, time, "contact", speed, 1.0, other.name)
         return
-    if not len(rows) or not _cross(ego, other):
+    if not len(distance) or distance.min() > _within(ego, other, limits.pet):
+        return
+    if not _cross(ego, other):
         return
     found = post_encroachment_time(ego, [other], limits.pet)
     if found is not None and found.value < limits.pet:
@@ -427,6 +436,13 @@ def _meeting(
         yield Exceedance(
             found.time, found.time, found.time, "pet", found.value, severity, other.name
         )
+
+
+def _within(ego: MotionRows, other: MotionRows, time: float) -> float:
+    """Greatest distance (m) of two bodies when the first of them is where the other one is within a
+    time (s)."""
+    fastest = max(float(np.abs(motion.speed).max()) for motion in (ego, other))
+    return _MARGIN + _FASTER * fastest * time
 
 
 def _touch(ego: MotionRows, other: MotionRows) -> BoolArray:

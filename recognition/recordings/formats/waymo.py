@@ -14,7 +14,7 @@ lanes that they are for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -80,23 +80,13 @@ def claims(path: Path) -> bool:
     return b'"name"' in head and b'"objects"' in head and b'"position"' in head
 
 
-class _Scene(NamedTuple):
-    """A scene: its file, and its number among the records of this; None for JSON."""
+class SceneFile(NamedTuple):
+    """A scene: its file, the name of the recording and of its site, and a function that reads its
+    objects, as GPUDrive has them."""
 
     path: Path
-    record: int | None
-
-    @property
-    def name(self) -> str:
-        """Name of the recording, and of its site."""
-        return self.path.stem if self.record is None else f"{self.path.name}_{self.record:04d}"
-
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Its objects, as GPUDrive has them."""
-        if self.record is None:
-            return read_object(self.path)
-        return waymo_records.scene(self.path, self.record)
+    name: str
+    read: Callable[[], Mapping[str, Any]]
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
@@ -105,17 +95,25 @@ def sources(path: Path, roads: Path) -> list[Source]:
     Raises:
         InvalidFile: a file of records is cut short.
     """
-    numbers: list[int | None] = (
-        [*range(len(waymo_records.places(path)))] if _RECORDS in path.name else [None]
-    )
-    return [_source(_Scene(path, number)) for number in numbers]
+    if _RECORDS not in path.name:
+        return [source_of(SceneFile(path, path.stem, partial(read_object, path)), FORMAT)]
+    return [
+        source_of(
+            SceneFile(
+                path, f"{path.name}_{number:04d}", partial(waymo_records.scene, path, number)
+            ),
+            FORMAT,
+        )
+        for number in range(len(waymo_records.places(path)))
+    ]
 
 
-def _source(scene: _Scene) -> Source:
+def source_of(scene: SceneFile, form: str) -> Source:
+    """The recording of a scene."""
     return Source(
         scene.name,
         scene.name,
-        FORMAT,
+        form,
         scene.path,
         partial(_read, scene),
         scene.path,
@@ -133,9 +131,9 @@ class _SceneObject(NamedTuple):
     values: FloatArray
 
 
-def _ego(scene: _Scene) -> str | None:
+def _ego(scene: SceneFile) -> str | None:
     """Name of the recording vehicle of a scene; None where it has none."""
-    return _name_of_ego(scene.document, scene.path)
+    return _name_of_ego(scene.read(), scene.path)
 
 
 def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
@@ -152,8 +150,8 @@ def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
     return str(objects[index].get("id"))
 
 
-def _read(scene: _Scene) -> tuple[Recording, Report]:
-    document, path = scene.document, scene.path
+def _read(scene: SceneFile) -> tuple[Recording, Report]:
+    document, path = scene.read(), scene.path
     ego = _name_of_ego(document, path)
     objects, exclusions, oversized = [], [], []
     for number, one in enumerate(document["objects"], 1):
@@ -184,16 +182,22 @@ def _read(scene: _Scene) -> tuple[Recording, Report]:
         np.arange(len(objects)), [len(recorded.values) for recorded in objects]
     )
     table = Table(path, {"step": step.astype(np.int64)}, lines=False)
-    rows = in_order(table, track, Clock("step", table["step"], 1.0 / _STEP, _STEP), names=names)
+    apart = _step(document)
+    rows = in_order(table, track, Clock("step", table["step"], 1.0 / apart, apart), names=names)
     report = rows.report(names)
     report.exclusions += exclusions
     who = [recorded.who for recorded in objects]
     speed = vx * np.cos(h) + vy * np.sin(h)
     report.remarks.append("accelerations are derived from the speeds")
     report.remarks.append(f"vehicles longer than {_LONG:g} m are taken for trucks")
-    report.remarks += _on_lights(document, path)
+    report.remarks += [*_on_lights(document, path), *document.get("remarks", [])]
     columns = columns_of(rows, who, x, y, h, speed, rate(speed, rows))
-    return Recording(cut(*smoothed(rows, who, columns, report)), _STEP, None), report
+    return Recording(cut(*smoothed(rows, who, columns, report)), apart, None), report
+
+
+def _step(document: Mapping[str, Any]) -> float:
+    """Time between steps, s; GPUDrive's files do not state it."""
+    return float(document.get("step", _STEP))
 
 
 def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
@@ -206,16 +210,16 @@ def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
     return [f"{count} lanes have traffic lights"]
 
 
-def _lights(scene: _Scene) -> LightStates | None:
+def _lights(scene: SceneFile) -> LightStates | None:
     """States of the traffic lights of a scene; None without any.
 
     Raises:
         InvalidFile: a light has other numbers of states than of places or steps, or a place is no
             number.
     """
-    path = scene.path
+    path, document = scene.path, scene.read()
     lights, x, y, steps = [], [], [], 0
-    for lane, one in _lit_lanes(scene.document, path).items():
+    for lane, one in _lit_lanes(document, path).items():
         element = f"traffic light of lane {lane}"
         if not isinstance(one, dict):
             raise InvalidFile("an object is expected", path=path, element=element)
@@ -242,9 +246,8 @@ def _lights(scene: _Scene) -> LightStates | None:
     states_of = tuple(
         tuple(light.get(step, "unknown") for step in range(steps)) for light in lights
     )
-    return LightStates(
-        np.array(x), np.array(y), np.array([_STEP * step for step in range(steps)]), states_of
-    )
+    time = _step(document) * np.arange(steps, dtype=np.float64)
+    return LightStates(np.array(x), np.array(y), time, states_of)
 
 
 def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -340,7 +343,7 @@ def _elements(
         yield str(one.get("id", f"r{number}")), value(one, "type", str, path, f"road {number}"), one
 
 
-def _road(scene: _Scene, _recording: Recording, folder: Path) -> SiteRoad:
+def _road(scene: SceneFile, _recording: Recording, folder: Path) -> SiteRoad:
     """The road of a scene's lines: neighbours and widths of its lanes are inferred, and successors
     where the scene does not give them.
 
@@ -351,7 +354,7 @@ def _road(scene: _Scene, _recording: Recording, folder: Path) -> SiteRoad:
     from xodr.formats.lanelet2.lanelet import lengths
     from xodr.formats.lanelet2.reader import Crosswalk
 
-    document, path = scene.document, scene.path
+    document, path = scene.read(), scene.path
     lit = {*_lit_lanes(document, path)}
     lanes, edges, crosswalks, short = [], [], [], []
     for name, kind, one in _elements(document, path):
