@@ -1,10 +1,12 @@
 """Recordings to a catalogue, and labels for the results of runs.
 
-A catalogue is made in four passes over all recordings, each in parallel, by functions of
+A catalogue is made in passes over its recordings, each in parallel, by functions of
 `recognition.catalogue.recordings`: `read` loads, places and labels a recording and keeps it on the
 store (a folder of the catalogue); the recogniser looks at each; `episodes` cuts the moments into
-scenes, and `write` writes their scenarios, in blocks; `played` plays each scenario once. What
-happens in a run is written down about the scenario that it is a run of.
+scenes, and `write` writes their scenarios, in blocks; `played` plays each scenario once. Where
+moments do not depend on other recordings, as those of the rules, the first three go over some
+recordings at a time, so that findings are held of these alone. What happens in a run is written
+down about the scenario that it is a run of.
 """
 
 from __future__ import annotations
@@ -81,8 +83,13 @@ class Recogniser(Protocol):
         """Take in a recording and the events that rules have found in it."""
         ...
 
+    @property
+    def by_recording(self) -> bool:
+        """Whether the moments of a recording depend on no other one."""
+        ...
+
     def moments(self, name: str) -> list[Moment]:
-        """The moments of a recording that was looked at."""
+        """The moments of a recording that was looked at; asked for once."""
         ...
 
 
@@ -90,6 +97,7 @@ class ByRules:
     """The rules alone."""
 
     sorted_by = detect.RULES
+    by_recording = True
 
     def __init__(self) -> None:
         self._events: dict[str, list[LabelledEvent]] = {}
@@ -108,7 +116,7 @@ class ByRules:
 
     def moments(self, name: str) -> list[Moment]:
         """One for each event."""
-        return [by_rules(event) for event in self._events[name]]
+        return [by_rules(event) for event in self._events.pop(name)]
 
 
 class Summary(NamedTuple):
@@ -137,6 +145,8 @@ class Summary(NamedTuple):
 Selection = Mapping[str, frozenset[tuple[str, str]]]
 """Folders and names of the scenarios that are wanted of each recording, by its name"""
 
+_PART = 50
+"""Recordings whose findings are held at a time"""
 _EPISODES = 25
 """Scenarios of a recording that are written at a time"""
 _READ = 0.5
@@ -166,7 +176,7 @@ def build(
 
     Args:
         settings: for recognising and writing; the defaults if None.
-        recogniser: recogniser factory, the rules by default; other processes read meanwhile.
+        recogniser: recogniser factory, the rules by default.
         bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: processes that read, label and write the recordings.
         selection: the scenarios to write; all, if None.
@@ -192,17 +202,18 @@ def build(
     if selection is not None:
         sources = [source for source in sources if source.name in selection]
     _refuse_others(out, {source.name for source in sources})
-    locations = [
-        RecordingLocation(tuple(paths), source.name, out / _STORE, settings.road, settings.columns)
-        for source in sources
-    ]
-    # Reading begins in the workers while this process loads the recogniser (seconds for a model).
-    with results(partial(recordings.read, settings), locations, workers) as found:
-        work = _CatalogueBuild(out, settings, recogniser(), workers, selection)
-        work.take(sources, found, bar)
-    # Writing begins only now: which class an unknown moment has is known once all recordings were
-    # seen.
-    work.write([source for source in sources if source.name in work.labelled], bar)
+    work = _CatalogueBuild(out, settings, recogniser(), workers, selection)
+    for part in work.parts(sources):
+        locations = [
+            RecordingLocation(
+                tuple(paths), source.name, out / _STORE, settings.road, settings.columns
+            )
+            for source in part
+        ]
+        with results(partial(recordings.read, settings), locations, workers) as found:
+            labelled = work.take(part, found, bar)
+        work.write(labelled, bar)
+    work.play(bar)
     return work.close(
         [
             file
@@ -250,7 +261,8 @@ class _CatalogueBuild:
         selection: Selection | None,
     ) -> None:
         self._selection = selection
-        self.labelled: dict[str, LabelledRecording] = {}
+        self._trials: list[TrialBlock] = []
+        self._repaired: dict[str, str] = {}
         self._out, self._settings, self._recogniser, self._workers = (
             out,
             settings,
@@ -263,13 +275,22 @@ class _CatalogueBuild:
         self._store = RecordingStore(out / _STORE)
         self._failures: dict[str, ToolchainError] = {}
 
+    def parts(self, sources: Sequence[Source]) -> Iterator[Sequence[Source]]:
+        """Yield the recordings in parts, each of which is read and written before the next: all at
+        once where they decide together which class a moment has."""
+        size = _PART if self._recogniser.by_recording else max(len(sources), 1)
+        for start in range(0, len(sources), size):
+            yield sources[start : start + size]
+
     def take(
         self,
         sources: Sequence[Source],
         found: Iterator[LabelledRecording | ToolchainError],
         bar: Bar,
-    ) -> None:
-        """Have the recogniser look at the recordings in their order, as they have been read."""
+    ) -> list[tuple[Source, LabelledRecording]]:
+        """Have the recogniser look at the recordings in their order, as they have been read; those
+        that could be read."""
+        taken = []
         with bar("recognising", len(sources)) as advance:
             for source, labelled in zip(sources, found, strict=True):
                 # A recording that can't be read is named in the summary; the others go on.
@@ -285,25 +306,30 @@ class _CatalogueBuild:
                 self._recogniser.look(
                     source.name, recording, labelled.placed.site, labelled.events, rest
                 )
-                self.labelled[source.name] = labelled
+                if labelled.report.verdict == REPAIRED:
+                    self._repaired[source.name] = _repairs(labelled.report)
+                taken.append((source, labelled))
+        return taken
 
-    def write(self, sources: Sequence[Source], bar: Bar) -> None:
+    def write(self, taken: Sequence[tuple[Source, LabelledRecording]], bar: Bar) -> None:
         """Write the scenarios of the recordings."""
         work = partial(recordings.write, self._out, self._settings, self._recogniser.sorted_by)
-        blocks = [block for source in sources for block in self._blocks(source)]
+        blocks = [block for source, labelled in taken for block in self._blocks(source, labelled)]
         # Blocks, not recordings: one long recording keeps all workers busy too.
         count = sum(len(block.episodes) for block in blocks)
-        trials: list[TrialBlock] = []
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
             for block, one in zip(blocks, done, strict=True):
                 self._catalogue.take(one.written)
-                trials.append(TrialBlock(block.placed.location, one.written.trials))
+                self._trials.append(TrialBlock(block.placed.location, one.written.trials))
                 if one.error is not None:
                     self._failures[block.placed.location.name] = one.error
                 advance(len(block.episodes))
+
+    def play(self, bar: Bar) -> None:
+        """Play every scenario once: what does not play is no part of the catalogue."""
         # OpenSCENARIO catalogues that recordings share are complete only after the last of them.
         self._catalogue.write_catalogs()
-        # Every scenario is played once: what does not play is no part of the catalogue.
+        trials = self._trials
         play = partial(recordings.played, self._out)
         with (
             bar("playing", sum(len(block.trials) for block in trials)) as advance,
@@ -331,19 +357,14 @@ class _CatalogueBuild:
             removed,
             self._failures,
             skipped,
-            {
-                name: _repairs(labelled.report)
-                for name, labelled in self.labelled.items()
-                if labelled.report.verdict == REPAIRED
-            },
+            self._repaired,
             catalogue.unplayable,
         )
 
-    def _blocks(self, source: Source) -> Iterator[Block]:
+    def _blocks(self, source: Source, labelled: LabelledRecording) -> Iterator[Block]:
         """Yield the blocks to be written of a recording, whose road and index
         entry are written first.
         """
-        labelled = self.labelled[source.name]
         self._catalogue.register(source, labelled.report, labelled.exposure, labelled.exclusions)
         # In this process: workers that write blocks of one recording must not write one road file
         # twice.

@@ -61,10 +61,10 @@ def _converted(
             path = keep(made.path.read_bytes(), folder / f"{osm.stem}-{key}.xodr")
         return SiteRoad(path, notes=tuple(f"{osm.name}: {note}" for note in made.notes))
 
-    return _kept(f"{osm.name}-{key}", folder, make)
+    return kept(f"{osm.name}-{key}", folder, make)
 
 
-def _kept(name: str, folder: Path, make: Callable[[], SiteRoad]) -> SiteRoad:
+def kept(name: str, folder: Path, make: Callable[[], SiteRoad]) -> SiteRoad:
     """A road that was made before by the same code, in this process or another one; else made now.
 
     Args:
@@ -116,7 +116,7 @@ def drawn(
 
     # Only the digest of the pickled lanelets is kept; nothing is ever unpickled.
     key = digest(pickle.dumps((lanelets, site, crosswalks, notes)))
-    return _kept(key, folder, make)
+    return kept(key, folder, make)
 
 
 ROAD_ID = "1"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import lzma
 import math
+import pickle
 import re
 import tarfile
 import zlib
@@ -22,14 +23,14 @@ from lxml import etree
 from recognition.recordings.conditions import UNKNOWN, OddConditions
 from recognition.recordings.intake import Exclusion, Report
 from recognition.recordings.motion.smoothing import smoothed
-from recognition.recordings.road_sources import keep_road
+from recognition.recordings.road_sources import keep_road, kept
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import Table
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
-from schemas.common.storage import MAX_BYTES
+from schemas.common.storage import MAX_BYTES, digest
 from schemas.common.xml import parse, parse_bytes
 from xodr.formats.commonroad import (
     CommonRoadLanelet,
@@ -466,24 +467,28 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
             return "motorway"
         return unlimited if math.isinf(one.limit) else tagged
 
-    built = build(
-        [
-            Lanelet(
-                one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left,
-                one.beside_right,
-                lane_type(one.types), kind(one), one.limit,
-            )
-            for one in found
-        ],
-        site,
-    )  # fmt: skip
+    made_of = [
+        Lanelet(
+            one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left,
+            one.beside_right,
+            lane_type(one.types), kind(one), one.limit,
+        )
+        for one in found
+    ]  # fmt: skip
     lit = [
-        element.get("id")
+        str(element.get("id"))
         for element in root.iterchildren("lanelet")
         if element.find("trafficLightRef") is not None
     ]
-    lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
-    return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights, notes=tuple(built.notes))
+
+    def make() -> SiteRoad:
+        built = build(made_of, site)
+        lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
+        path = keep_road(built.map.to_xml(), site, folder)
+        return SiteRoad(path, lights, notes=tuple(built.notes))
+
+    # Only the digest of the pickled lanelets is kept; nothing is ever unpickled.
+    return kept(digest(pickle.dumps((made_of, site, lit))), folder, make)
 
 
 def _tagged(root: etree._Element) -> str:

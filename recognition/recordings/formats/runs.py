@@ -1,26 +1,34 @@
 """Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as
 `xosc-run --out` writes them.
 
-The road network is the file that the run was on, where it is still there.
+The road network is the file that the run was on, where it is still there. Weather, daylight and
+surface are those that the scenario's first EnvironmentAction sets.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+import xosc
+from recognition.recordings.conditions import UNKNOWN, OddConditions, phase_of
 from recognition.recordings.intake import Report
 from recognition.recordings.rows import Clock, cut, in_order
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant
 from recognition.recordings.table import Kind, read_table
 from runner.batch.outputs.folder import RESULT, TRAJECTORIES, read_setup
+from runner.engine.worlds.surroundings import Environment
 from runner.recording import COLUMNS, Recording
-from schemas.common.errors import InvalidFile
+from schemas.common.errors import InvalidFile, ToolchainError
+from schemas.common.storage import read_object
 from xodr.graph.network import RoadNetwork
 from xodr.reader import load
+from xosc.document.node import Node
+from xosc.resolve import resolve
 
 FORMAT = "run"
 TITLE = "results of xosc-run"
@@ -53,6 +61,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
             simulated=True,
             road=lambda recording, folder: SiteRoad(road(path)),
             ego=partial(ego, path),
+            odd=partial(_conditions, path),
         )
     ]
 
@@ -78,6 +87,58 @@ def scenario(path: Path) -> Path:
 def ego(path: Path) -> str | None:
     """Name of the ego of the run that a trajectory file belongs to; None where it has none."""
     return read_setup(path.with_name(RESULT)).ego
+
+
+_WETNESS = {
+    "dry": "dry", "moist": "wet", "wetWithPuddles": "standing water", "lowFlooded": "flooded",
+    "highFlooded": "flooded",
+}  # fmt: skip
+"""Surface by the standard's wetness (from version 1.2 on)"""
+_CLEAR = ("free", "zeroOktas", "oneOktas", "twoOktas")
+"""Clouds of a clear sky: up to two eighths"""
+_FOG = 1000.0
+"""Visual range (m) below which it is foggy, by meteorology"""
+
+
+def _conditions(path: Path) -> OddConditions:
+    """Conditions that the scenario of a run sets first, with the parameters of the run; unknown
+    where the scenario, or a catalogue that it names, is not there any more."""
+    result = path.with_name(RESULT)
+    file = read_setup(result).scenario
+    if not os.path.isfile(file):
+        return OddConditions()
+    given = {
+        name: text
+        for name, text in read_object(result).get("parameters", {}).items()
+        if isinstance(text, str)
+    }
+    try:
+        found = resolve(xosc.load(file), given, enforce_constraints=False)
+    except ToolchainError:
+        return OddConditions()
+    action = next(found.node.iter("EnvironmentAction"), None)
+    environment = action.find("Environment") if action is not None else None
+    return OddConditions() if environment is None else _of_environment(environment)
+
+
+def _of_environment(environment: Node) -> OddConditions:
+    """Weather, daylight and surface of an Environment, as far as it states them."""
+    stated = Environment().after(environment, 0.0).weather
+    falls = stated.get("Precipitation.precipitationType", "dry")
+    amount = stated.get(
+        "Precipitation.precipitationIntensity", stated.get("Precipitation.intensity", "0")
+    )
+    clouds = stated.get("fractionalCloudCover", stated.get("cloudState", "skyOff"))
+    weather = "clear" if clouds in _CLEAR else UNKNOWN if clouds == "skyOff" else "cloudy"
+    if falls in ("rain", "snow") and float(amount) > 0.0:
+        weather = falls
+    elif float(stated.get("Fog.visualRange", "inf")) < _FOG:
+        weather = "fog"
+    sun = stated.get("Sun.elevation")
+    daylight = UNKNOWN if sun is None else phase_of(math.degrees(float(sun)))
+    road = environment.find("RoadCondition")
+    wetness = road.get("wetness", "") if road is not None else ""
+    return OddConditions(weather, daylight, _WETNESS.get(wetness, UNKNOWN))
 
 
 def _there(what: str, file: Path | None, path: Path) -> Path:

@@ -9,6 +9,9 @@ index of the recording vehicle. `roads` are lines: centre lines of lanes, marks,
 `map_element_id` tells freeways. Which lanes follow each other is in TFRecord files only, as are
 speed limits. `tl_states` has the states of traffic lights by the ids of the
 lanes that they are for.
+
+Nocturne's older files have no `metadata`, ids or `map_element_id`, and headings in degrees: objects
+are named by their number, no vehicle is the recording one, and all lanes are of streets.
 """
 
 from __future__ import annotations
@@ -57,9 +60,11 @@ _CATEGORIES = {
 }
 _LONG = 7.0
 """Vehicles longer than this (m) are trucks"""
-_FREEWAY, _BIKE_LANE = 1, 3
-"""`map_element_id` of lanes that are not of streets"""
-_LANE_TYPES = (0, _FREEWAY, 2, _BIKE_LANE)
+_OLDER = "names no recording vehicle"
+"""Key that marks a scene of Nocturne's"""
+_FREEWAY, _STREET, _BIKE_LANE = 1, 2, 3
+"""`map_element_id` of lanes"""
+_LANE_TYPES = (0, _FREEWAY, _STREET, _BIKE_LANE)
 _EDGES = ("road_line", "road_edge")
 _SHORTEST = 1.0
 """Shorter centre lines are no lanes, m"""
@@ -96,7 +101,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
         InvalidFile: a file of records is cut short.
     """
     if _RECORDS not in path.name:
-        return [source_of(SceneFile(path, path.stem, partial(read_object, path)), FORMAT)]
+        return [source_of(SceneFile(path, path.stem, partial(_document, path)), FORMAT)]
     return [
         source_of(
             SceneFile(
@@ -106,6 +111,35 @@ def sources(path: Path, roads: Path) -> list[Source]:
         )
         for number in range(len(waymo_records.places(path)))
     ]
+
+
+def _document(path: Path) -> Mapping[str, Any]:
+    """A scene of a JSON file, as GPUDrive has them."""
+    document = read_object(path)
+    listed = document.get("objects")
+    if "metadata" in document or not isinstance(listed, list) or any("id" in one for one in listed):
+        return document
+    objects = [
+        {"id": str(number), **one, "heading": _in_radians(one.get("heading"))}
+        for number, one in enumerate(listed)
+        if isinstance(one, dict)
+    ]
+    lanes = [
+        {"map_element_id": _STREET, **one} for one in records(document, "roads", path, "scene")
+    ]
+    unsized = [one["id"] for one in objects if 0 in (one.get("length"), one.get("width"))]
+    told = ["the recording vehicle is not named, and headings are taken as degrees (Nocturne)"]
+    if unsized:
+        told.append(f"objects {', '.join(unsized)} have no size: they are left out")
+    kept = [one for one in objects if one["id"] not in unsized]
+    return {**document, "objects": kept, "roads": lanes, "remarks": told, _OLDER: True}
+
+
+def _in_radians(headings: Any) -> Any:
+    """Headings in degrees in rad; anything else as it is."""
+    if not isinstance(headings, list) or not all(type(one) in (int, float) for one in headings):
+        return headings
+    return [math.remainder(math.radians(one), math.tau) for one in headings]
 
 
 def source_of(scene: SceneFile, form: str) -> Source:
@@ -136,8 +170,10 @@ def _ego(scene: SceneFile) -> str | None:
     return _name_of_ego(scene.read(), scene.path)
 
 
-def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
+def _name_of_ego(document: Mapping[str, Any], path: Path) -> str | None:
     objects = records(document, "objects", path, "scene")
+    if document.get(_OLDER):
+        return None
     index = value(
         value(document, "metadata", dict, path, "scene"), "sdc_track_index", int, path, "metadata"
     )
@@ -173,7 +209,7 @@ def _read(scene: SceneFile) -> tuple[Recording, Report]:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InvalidFile(f"two objects have the id {twice}", path=path, element="objects")
-    if ego not in names:
+    if ego is not None and ego not in names:
         raise InvalidFile(
             f"object {ego}, the recording vehicle, has no valid step", path=path, element="metadata"
         )
@@ -255,7 +291,9 @@ def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return value(document, "tl_states", dict, path, "scene") if document.get("tl_states") else {}
 
 
-def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _SceneObject | Exclusion:
+def _object(
+    one: Mapping[str, Any], path: Path, element: str, ego: str | None
+) -> _SceneObject | Exclusion:
     """A participant; an exclusion if its box is larger than any vehicle, such as the box of a group
     of them."""
     kind = value(one, "type", str, path, element)

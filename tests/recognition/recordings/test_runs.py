@@ -16,6 +16,7 @@ from recognition import recordings as datasets
 from recognition.recordings.formats import runs
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
+from runner.batch.outputs.folder import write_run
 from runner.judging.settings import RunSettings
 from runner.recording import COLUMNS
 from schemas.common.errors import InvalidFile
@@ -166,3 +167,41 @@ def test_time_that_goes_back_is_refused_with_its_row(run: Path) -> None:
         InvalidFile, match=r"trajectories\.parquet: column time: row 9: 0 of track Ego comes after"
     ):
         read(run)
+
+
+@pytest.mark.parametrize(
+    ("weather", "road", "expected"),
+    [
+        (
+            '<Precipitation precipitationType="rain" precipitationIntensity="5"/>',
+            'frictionScaleFactor="0.7" wetness="wetWithPuddles"',
+            ("rain", "unknown", "standing water"),
+        ),
+        (
+            '<Sun azimuth="0" elevation="-0.3" illuminance="0"/><Fog visualRange="200"/>',
+            'frictionScaleFactor="1"',
+            ("fog", "night", "unknown"),
+        ),
+        ("", 'frictionScaleFactor="1" wetness="dry"', ("clear", "unknown", "dry")),
+    ],
+)
+def test_conditions_are_those_that_the_scenario_sets(
+    weather: str, road: str, expected: tuple[str, str, str], tmp_path: Path
+) -> None:
+    action = (
+        f'<GlobalAction><EnvironmentAction><Environment name="e"><Weather '
+        f'fractionalCloudCover="oneOktas">{weather}</Weather><RoadCondition {road}/>'
+        "</Environment></EnvironmentAction></GlobalAction>"
+    )
+    text = SCENARIO.read_text().replace("<Actions>", f"<Actions>{action}", 1)
+    text = text.replace("../../xodr", str(SCENARIO.parents[2] / "xodr"))
+    text = text.replace('path="catalogs', f'path="{SCENARIO.parent / "catalogs"}')
+    scenario = tmp_path / "wet.xosc"
+    scenario.write_text(text)
+    result = runner.run(scenario, world="kinematic", sut="none", max_time=1.0)
+    write_run(result, tmp_path / "run")
+    (source,) = datasets.open(tmp_path / "run").sources
+    source.load()
+    assert source.conditions()[:3] == expected
+    scenario.unlink()
+    assert source.conditions()[:3] == ("unknown",) * 3

@@ -16,6 +16,7 @@ from recognition.labels import Label, label
 from recognition.scenes import Site, site_of
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile
+from tests.recognition.traffic import read
 
 STEPS = 91
 
@@ -301,3 +302,29 @@ def test_a_truncated_scene_is_refused(tmp_path: Path) -> None:
     (source,) = datasets.open(tmp_path).sources
     with pytest.raises(InvalidFile, match=r"scene\.json.*not readable as JSON"):
         source.load()
+
+
+def test_older_files_have_headings_in_degrees_and_no_recording_vehicle(tmp_path: Path) -> None:
+    older = scene()
+    del older["metadata"]
+    for one in older["objects"]:
+        del one["id"]
+        one["heading"] = [math.degrees(heading) for heading in one["heading"]]
+    for road in older["roads"]:
+        road.pop("map_element_id", None)
+        road.pop("id", None)
+    older["objects"].append({**older["objects"][0], "width": 0})
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(older))
+    recording, report = read(path)
+    (source,) = datasets.open(path).sources
+    newer = tmp_path / "new" / "scene.json"
+    newer.parent.mkdir()
+    newer.write_text(json.dumps(scene()))
+    expected, _ = read(newer)
+    assert source.ego() is None
+    for one, other in zip(recording.tracks.values(), expected.tracks.values(), strict=True):
+        assert np.allclose(one.columns["h"], other.columns["h"])
+    last = len(older["objects"]) - 1
+    assert f"objects {last} have no size: they are left out" in report.remarks
+    assert site_of(source, recording, tmp_path / "roads").network.roads
