@@ -1,9 +1,9 @@
 """Judgement of recognition by people: draws of findings and of vehicles, pages to label them, and
 the figures of the answers.
 
-    python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR]
+    python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR | --rules]
     python -m benchmarks.judging draw FINDINGS RECORDINGS... --out DIR --keys DIR [--findings 90]
-        [--vehicles 25] [--seed 0] [--singled-out]
+        [--vehicles 25] [--seed 0] [--singled-out] [--hidden]
     python -m benchmarks.judging report KEY ANSWERS...
 
 `find` writes what the rules and a model find. `draw` draws findings (DIR/precision), and vehicles
@@ -22,6 +22,7 @@ from pathlib import Path
 from benchmarks.judging.draws import (
     Library,
     draw_findings,
+    draw_hidden,
     draw_vehicles,
     find,
     read_findings,
@@ -44,6 +45,7 @@ def main() -> None:
     finding.add_argument("recordings", nargs="+", type=Path)
     finding.add_argument("--out", type=Path, required=True)
     finding.add_argument("--model", type=Path, default=SHIPPED)
+    finding.add_argument("--rules", action="store_true", help="no model")
     drawing = commands.add_parser("draw")
     drawing.add_argument("found", type=Path)
     drawing.add_argument("recordings", nargs="+", type=Path)
@@ -55,6 +57,11 @@ def main() -> None:
         help="folder for the sources, which reviewers must not see",
     )
     drawing.add_argument("--findings", type=int, default=90)
+    drawing.add_argument(
+        "--hidden",
+        action="store_true",
+        help="draw so many findings of each set, and let reviewers say their classes",
+    )
     drawing.add_argument("--vehicles", type=int, default=25)
     drawing.add_argument("--seed", type=int, default=0)
     drawing.add_argument(
@@ -70,13 +77,15 @@ def main() -> None:
         if options.command == "report":
             print(report(options.key, options.answers))
         elif options.command == "find":
-            write_findings(
-                find(options.recordings, load(options.model, sorts=True, discover=False)),
-                options.out,
-            )
+            model = None if options.rules else load(options.model, sorts=True, discover=False)
+            write_findings(find(options.recordings, model), options.out)
         else:
             found, library = read_findings(options.found), Library(options.recordings)
-            findings = draw_findings(found, options.findings, options.seed)
+            findings = (
+                draw_hidden(found, library, options.findings, options.seed)
+                if options.hidden
+                else draw_findings(found, options.findings, options.seed)
+            )
             write_items(
                 findings, library, options.out / "precision", options.keys / "precision.json"
             )

@@ -7,7 +7,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,6 +76,7 @@ class Item:
         finding: the finding to judge; None if all events of the vehicle are asked for.
         weight: number of findings in the population for which this one stands.
         found: findings of rules and model in the stretch, for the key.
+        hidden: whether the reviewer has to say the class of the finding.
     """
 
     recording: str
@@ -86,11 +87,12 @@ class Item:
     finding: Finding | None = None
     weight: float = 1.0
     found: tuple[Finding, ...] = field(default=())
+    hidden: bool = False
 
 
-def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
-    """Return the findings of the rules and of a model in recordings, as a catalogue would have
-    them.
+def find(recordings: Sequence[Path], model: Recogniser | None) -> list[Finding]:
+    """Return the findings of the rules and of a model, if there is one, in recordings, as a
+    catalogue would have them.
 
     Recordings that can't be read are named on stderr and left out.
 
@@ -106,13 +108,14 @@ def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
             print(f"left out: {error}", file=sys.stderr)
             continue
         sources.append(source)
-        model.look(source.name, recording, site, events[source.name], lambda _: None)
+        if model is not None:
+            model.look(source.name, recording, site, events[source.name], lambda _: None)
     found: list[Finding] = []
     for source in sources:
         by_rules = joined(map(detect.by_rules, events[source.name]), gap)
         labelled = (
             moment
-            for moment in model.moments(source.name)
+            for moment in (model.moments(source.name) if model is not None else ())
             if moment.state == KNOWN and moment.title in CLASSES
         )
         found += merged(source.name, source.site, by_rules, joined(labelled, gap))
@@ -189,6 +192,21 @@ def draw_findings(everything: Sequence[Finding], number: int, seed: int) -> list
                 _item(stratum[index], len(stratum) / count) for index in sorted(chosen.tolist())
             ]
     return [items[index] for index in generator.permutation(len(items)).tolist()]
+
+
+def draw_hidden(
+    everything: Sequence[Finding], library: Library, number: int, seed: int
+) -> list[Item]:
+    """Draw so many findings of each set of recordings, whose classes reviewers have to say."""
+    items = []
+    for name in sorted(set(library.sets.values())):
+        of = [
+            one
+            for one in everything
+            if one.title in CLASSES and library.sets.get(one.recording) == name
+        ]
+        items += [replace(item, hidden=True) for item in draw_findings(of, number, seed)]
+    return items
 
 
 def _item(one: Finding, weight: float) -> Item:

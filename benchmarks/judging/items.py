@@ -74,7 +74,10 @@ def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -
         "step": FILM_STEP,
         "times": [item.finding.time if item.finding else item.start for item in items],
         "items": [
-            {"title": item.finding.title if item.finding else None, "text": texts[n]}
+            {
+                "title": item.finding.title if item.finding and not item.hidden else None,
+                "text": texts[n],
+            }
             for n, item in enumerate(items)
         ],
         "classes": list(CLASSES),
@@ -120,8 +123,8 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
         times, partner = np.arange(item.start, item.end + 1e-6, 1.0), None
     else:
         head = (
-            f"item {number}: is this {finding.title}? ego {ego.name} ({size}), at "
-            f"{finding.time:.1f} s"
+            f"item {number}: {'which event is this' if item.hidden else f'is this {finding.title}'}"
+            f"? ego {ego.name} ({size}), at {finding.time:.1f} s"
         )
         head += f", partner {finding.partner}" if finding.partner else ""
         times, partner = (

@@ -63,7 +63,8 @@ def report(key: Path, answers: Sequence[Path]) -> str:
     """
     items = read_object(key)["items"]
     of_findings = bool(items and items[0]["finding"])
-    read = [read_answers(path, len(items), of_findings) for path in answers]
+    named = of_findings and not items[0].get("hidden")
+    read = [read_answers(path, len(items), named) for path in answers]
     parts = []
     for path, one in zip(answers, read, strict=True):
         cases = precision_cases(items, one) if of_findings else recall_cases(items, one)
@@ -74,7 +75,7 @@ def report(key: Path, answers: Sequence[Path]) -> str:
                 "### findings in the stretches that the reviewer "
                 f"listed\n\n{_tables(extra_cases(items, one))}"
             )
-    if len(read) == 2 and of_findings:
+    if len(read) == 2 and named:
         parts.append(_agreement(read))
     return "\n".join(parts)
 
@@ -126,11 +127,15 @@ def _event(title: str, time: str, path: Path, line: int) -> Event:
 
 
 def precision_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[Case]:
-    """Return whether each judged finding is right; unclear counts as wrong."""
+    """Return whether each judged finding is right; unclear counts as wrong. One whose class was
+    hidden is right if the reviewer says the same class."""
     cases = []
     for number, verdict in sorted(answers.verdicts.items()):
         item, finding = items[number], items[number]["finding"]
         where = item["set"], item["site"], item["weight"]
+        if item.get("hidden"):
+            said = {event.title for event in answers.events.get(number, [])}
+            verdict = "right" if finding["title"] in said else "wrong"
         cases += [
             Case(name, finding["title"], *where, verdict == "right")
             for name in _names(finding["source"])

@@ -161,6 +161,9 @@ class ByModel:
         """unknown moments since classes were looked for the last time"""
         self._finished = False
 
+    by_recording = False
+    """Discovered classes come from all recordings together"""
+
     @property
     def sorted_by(self) -> str:
         """Source of the labels that sort the moments."""

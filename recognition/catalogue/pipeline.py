@@ -83,10 +83,8 @@ class Recogniser(Protocol):
         """Take in a recording and the events that rules have found in it."""
         ...
 
-    @property
-    def by_recording(self) -> bool:
-        """Whether the moments of a recording depend on no other one."""
-        ...
+    by_recording: bool
+    """Whether the moments of a recording depend on no other one"""
 
     def moments(self, name: str) -> list[Moment]:
         """The moments of a recording that was looked at; asked for once."""

@@ -24,6 +24,7 @@ from benchmarks.judging.draws import (
     Library,
     baseline,
     draw_findings,
+    draw_hidden,
     draw_vehicles,
     find,
     read_findings,
@@ -367,3 +368,26 @@ def test_two_reviewers_are_reported_side_by_side(drawn: Path, tmp_path: Path) ->
     text = report(drawn.parent / "key.json", [tmp_path / "first.csv", tmp_path / "second.csv"])
     assert "## precision, first" in text and "## precision, second" in text
     assert f"Of {count} items that both judged, they agree on {count - 2}" in text
+
+
+def test_reviewers_may_have_to_say_the_class(
+    recordings: Path, found: list[Finding], tmp_path: Path
+) -> None:
+    library = Library([recordings])
+    items = draw_hidden(find([recordings], None), library, 3, 1)
+    assert {item.finding.source for item in items if item.finding} == {RULES}
+    assert len(items) == len({item.finding.title for item in items if item.finding}) > 3
+    write_items(items, library, tmp_path / "hidden", tmp_path / "key.json")
+    for number, item in enumerate(items):
+        assert item.finding is not None
+        text = (tmp_path / "hidden" / f"{number:03}.txt").read_text()
+        assert "which event is this?" in text and item.finding.title not in text
+        assert item.finding.title not in (tmp_path / "hidden" / "answers.csv").read_text()
+    first = items[0].finding
+    assert first is not None
+    answers = tmp_path / "answers.csv"
+    rows = [f"0,event,{first.title},1.0,", "0,complete,,,", "1,event,ramp exiting,1.0,"]
+    answers.write_text(
+        "\n".join((",".join(COLUMNS), *rows, "1,complete,,,", "2,unclear,,,")) + "\n"
+    )
+    assert "| rules | 1 of 3 |" in report(tmp_path / "key.json", [answers])
