@@ -15,6 +15,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from heapq import merge
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -155,22 +156,26 @@ def run_batch(
             out, settings.as_json(), resume, given, _sources(jobs), tell, needed, named
         )
         believed = partial(_believed, out=out, settings=settings, sealed=kept.sealed, tell=tell)
-        # Lazily: jobs of a large space are never all in memory.
-        known = (
-            job if isinstance(job, Outcome) else _finished(job, kept.done, believed) or job
-            for job in jobs
-        )
+        without_job: list[Outcome] = []
         work = partial(execute, **how, shared=shared)
-        errors: dict[str, Outcome] = {}
         ended = WorkDone(jobs)
+
+        # Lazily: jobs of a large space are never all in memory.
+        def known() -> Iterator[Job | Outcome]:
+            for job in jobs:
+                if isinstance(job, Job):
+                    yield _finished(job, kept.done, believed) or job
+                    continue
+                if job.state == "error":
+                    without_job.append(job)
+                yield job
+
         with (
-            _concluded(out, kept, errors, ended),
-            closing(_outcomes(known, work, processes, ray, kept.enter)) as outcomes,
+            _concluded(out, kept, without_job, ended),
+            closing(_outcomes(known(), work, processes, ray, kept.enter)) as outcomes,
         ):
             for outcome in outcomes:
                 ended.add(outcome)
-                if outcome.state == "error":
-                    errors[outcome.job.name] = outcome
                 yield outcome
 
 
@@ -204,10 +209,14 @@ def _writable(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _concluded(
-    out: Path, kept: journal.Journal, errors: dict[str, Outcome], ended: WorkDone
+    out: Path, kept: journal.Journal, without_job: list[Outcome], ended: WorkDone
 ) -> Iterator[None]:
     """Context manager around the runs of a batch: at its end, also when they are interrupted,
-    drafts are removed and the table of all runs is written."""
+    drafts are removed and the table of all runs is written.
+
+    Args:
+        without_job: errors of files that gave no job: they have rows, but no entries.
+    """
     try:
         yield
     finally:
@@ -215,9 +224,13 @@ def _concluded(
         # Writing the table would make a deleted folder anew, with a table of nothing.
         if not out.is_dir():
             raise FileNotFoundError(errno.ENOENT, "the folder is gone")
-        # Files that gave no job are errors without an entry: they have rows all the same.
-        write_runs((errors | kept.close()).values(), out / "runs.parquet")
+        without_job.sort(key=_by_name)
+        write_runs(merge(without_job, kept.close(), key=_by_name), out / "runs.parquet")
         write_work(ended.rows(), out)
+
+
+def _by_name(outcome: Outcome) -> str:
+    return outcome.job.name
 
 
 def _outcomes(

@@ -15,7 +15,7 @@ import os
 import shlex
 import shutil
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -168,17 +168,13 @@ class Journal:
         self._records.add(map(_entry, finished))
         self._flushed = time.monotonic()
 
-    def close(self) -> dict[str, Outcome]:
-        """Enter all, and give all finished runs by name; errors as of `enter`.
-
-        Entries are sorted by name: in several processes runs end in another order.
-        """
+    def close(self) -> Iterator[Outcome]:
+        """Enter all, and yield all finished runs in the order of their names, with one in memory at
+        a time; errors as of `enter`."""
         self.flush()
-        kept = finished(self._out).outcomes
-        # The same batch gives the same bytes for any number of processes.
-        if list(kept) != sorted(kept):
-            self._records.replace(_entry(kept[name]) for name in sorted(kept))
-        return kept
+        # In several processes runs end in another order: the same batch gives the same bytes.
+        self._records.sort(_name)
+        return (outcome for entry in self._records if entry and (outcome := _outcome(entry)))
 
 
 def begin(
@@ -376,6 +372,12 @@ def finished(out: Path) -> Finished:
     restored = [_outcome(record) for record in kept.records]
     outcomes = {outcome.job.name: outcome for outcome in restored if outcome is not None}
     return Finished(outcomes, kept.damaged, restored.count(None))
+
+
+def _name(entry: dict[str, Any]) -> str | None:
+    """The name of an entry's run; None where it is one of another version."""
+    outcome = _outcome(entry)
+    return None if outcome is None else outcome.job.name
 
 
 def _outcome(entry: dict[str, Any]) -> Outcome | None:

@@ -217,7 +217,8 @@ def runs_of(out: Path) -> list[dict[str, Any]]:
 
     path = out / RUNS
     if not path.is_file():
-        write_runs(journal.finished(out).outcomes.values(), path)
+        outcomes = journal.finished(out).outcomes
+        write_runs((outcomes[name] for name in sorted(outcomes)), path)
     try:
         table = read_parquet(path)
         wrong = _unusable(table)

@@ -11,7 +11,7 @@ import re
 import secrets
 import stat
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from os import PathLike
@@ -801,18 +801,20 @@ class Records:
         Raises:
             OSError: the file is there and can't be read.
         """
-        try:
-            lines = self.path.read_bytes().split(b"\n")
-        except FileNotFoundError:
-            return JournalRecords([], [])
         kept = JournalRecords([], [])
-        for number, line in enumerate(lines, 1):
-            record = _opened(line)
-            if record is not None:
-                kept.records.append(record)
-            elif line:
+        for number, record in enumerate(self, 1):
+            if record is None:
                 kept.damaged.append(number)
+            else:
+                kept.records.append(record)
         return kept
+
+    def __iter__(self) -> Iterator[dict[str, Any] | None]:
+        """Yield the record of each line, None where it is damaged, with one in memory at a time;
+        errors as of `read`."""
+        with suppress(FileNotFoundError), self.path.open("rb") as file:
+            for line in file:
+                yield _opened(line.removesuffix(b"\n"))
 
     def add(self, records: Iterable[Mapping[str, Any]]) -> None:
         """Add records after the others. Numbers must be finite.
@@ -848,7 +850,38 @@ class Records:
         Raises:
             OSError: they can't be written.
         """
-        keep(b"".join(map(_sealed, records)), self.path, durable=True)
+        with drafted(self.path) as draft, draft.open("wb") as file:
+            file.writelines(map(_sealed, records))
+        sync([self.path, self.path.parent])
+
+    def sort(self, name: Callable[[dict[str, Any]], str | None]) -> None:
+        """Put the lines in the order of names of their records, which alone are in memory.
+
+        Args:
+            name: of a record; None for one that is left out. Of several with one name the last
+                stays. Damaged lines are left out.
+
+        Raises:
+            OSError: they can't be written: the file stays as it is.
+        """
+        if not self.path.exists():
+            return
+        lines, place, places = 0, 0, dict[str, int]()
+        with self.path.open("rb") as file:
+            for line in file:
+                record = _opened(line.removesuffix(b"\n"))
+                if record is not None and (own := name(record)) is not None:
+                    places[own] = place
+                lines, place = lines + 1, place + len(line)
+        ordered = [places[own] for own in sorted(places)]
+        if len(ordered) == lines and ordered == sorted(ordered):
+            return
+        # Closed before the draft takes the file's place: Windows replaces none that is open.
+        with drafted(self.path) as draft, self.path.open("rb") as file, draft.open("wb") as to:
+            for place in ordered:
+                file.seek(place)
+                to.write(file.readline())
+        sync([self.path, self.path.parent])
 
 
 def _sealed(record: Mapping[str, Any]) -> bytes:

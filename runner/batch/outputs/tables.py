@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from io import BytesIO
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.judging.measures.measure import measures
 from schemas.common.packages import version
-from schemas.common.storage import keep
+from schemas.common.storage import drafted, sync
 from schemas.common.terminal.text import csv_text, one_line
 
 if TYPE_CHECKING:
@@ -57,6 +57,9 @@ _GROUP = (
     "collision_ids",
 )
 """Columns of one entity, spelled as readers of esmini's files (since 3.6) expect them."""
+
+_ROWS = 1024
+"""Runs that are in memory at a time while their table is written"""
 
 
 def write_parquet(result: RunResult, path: Path) -> None:
@@ -196,8 +199,8 @@ whether the ego hit the other"""
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write the table, sorted by name, atomically: its content does not depend on the order in
-    which runs end.
+    """Write the table in the order of the outcomes, atomically, with a group of rows in memory at a
+    time.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null
     unless runs were repeated), state (`passed`, `failed`, `inconclusive`, `error`), verdict (null
@@ -211,11 +214,15 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = [_row(outcome) for outcome in sorted(outcomes, key=lambda outcome: outcome.job.name)]
-    # In memory first: the table is replaced as a whole or stays.
-    content = BytesIO()
-    pq.write_table(pa.Table.from_pylist(rows, schema=schema()), content, compression="zstd")
-    keep(content.getvalue(), path, durable=True)
+    columns, rows = schema(), map(_row, outcomes)
+    with (
+        drafted(path) as draft,
+        draft.open("wb") as file,  # its errors have the system's texts, pyarrow's own have not
+        pq.ParquetWriter(file, columns, compression="zstd") as table,
+    ):
+        while group := [*islice(rows, _ROWS)]:
+            table.write_table(pa.Table.from_pylist(group, schema=columns))
+    sync([path, path.parent])
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:

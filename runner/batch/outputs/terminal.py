@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -84,10 +85,13 @@ class OutcomeTable:
         )
         self._counts = dict.fromkeys(_WORDS, 0)
         self._in_arrays = 0
-        self._groups: dict[tuple[str, str], list[str]] = {}
-        self._remarks: list[str] = []
+        # Of a million runs nothing is kept but what the summary prints.
+        self._groups: Counter[tuple[str, str]] = Counter()
+        self._named: dict[tuple[str, str], list[str]] = {}
+        self._remarks: Counter[str] = Counter()
         self._told: set[str] = set()
-        self._contacts: list[tuple[str, dict[str, Any]]] = []
+        self._worst: list[tuple[str, dict[str, Any]]] = []
+        self._contacts = 0
         self._last = self._evidence = ""
 
     def show(self, outcome: Outcome) -> None:
@@ -100,10 +104,15 @@ class OutcomeTable:
         self._evidence = told_evidence(outcome.evidence)
         grave = outcome.state in _GRAVE
         if grave:
-            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(_title(outcome))
+            group = outcome.state, _cause(outcome)
+            self._groups[group] += 1
+            if self._groups[group] <= _LISTED:
+                self._named.setdefault(group, []).append(_title(outcome))
         if outcome.impact is not None:
-            self._contacts.append((_title(outcome), outcome.impact))
-        self._remarks += outcome.remarks
+            self._contacts += 1
+            worst = [*self._worst, (_title(outcome), outcome.impact)]
+            self._worst = sorted(worst, key=_harm)[:_LISTED]
+        self._remarks.update(outcome.remarks)
         if grave or not self._quiet:
             self._print(self._line(outcome))
             if self._verbose and self._evidence:
@@ -193,7 +202,7 @@ class OutcomeTable:
             if repaired := told_quietly(self._remarks):
                 print(f"xosc-run: {one_line(repaired)}", file=sys.stderr, flush=True)
             return
-        for remark in alike(self._remarks):
+        for remark in alike(self._remarks.elements()):
             self._print(f"remark: {remark}")
         for path, count in left_out.items():
             text = (
@@ -206,13 +215,14 @@ class OutcomeTable:
                 self._print(f"evidence: {self._evidence}")
             return
         # The gravest first, as `_WORDS` has them.
-        for (state, cause), names in sorted(
-            self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])
+        for group, count in sorted(
+            self._groups.items(), key=lambda entry: list(_WORDS).index(entry[0][0])
         ):
-            self._print(f"{_WORDS[state]}, {many(len(names), 'run')}: {cause}")
-            more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
-            self._print("\n".join(f"    {name}" for name in names[:_LISTED] + more))
-        self._worst()
+            state, cause = group
+            self._print(f"{_WORDS[state]}, {many(count, 'run')}: {cause}")
+            left = [f"and {count - _LISTED} more"] if count > _LISTED else []
+            self._print("\n".join(f"    {name}" for name in self._named[group] + left))
+        self._tell_worst()
         notes = {"passed": f" ({self._in_arrays} {IN_ARRAYS})" if self._in_arrays else ""}
         counts = ", ".join(
             f"{count} {state}{notes.get(state, '')}"
@@ -251,20 +261,15 @@ class OutcomeTable:
         if not self._quiet:
             self._print(line)
 
-    def _worst(self) -> None:
-        """The contacts with the greatest risk of a death."""
-        if len(self._contacts) < 2:
+    def _tell_worst(self) -> None:
+        """Print the contacts with the greatest risk of a death."""
+        if self._contacts < 2:
             return
         from runner.judging.measures.contacts import sentence  # needs numpy
 
-        found = sorted(
-            self._contacts,
-            key=lambda contact: (-contact[1]["risk"], -contact[1]["speed"], contact[0]),
-        )[:_LISTED]
-        self._print(
-            f"worst {len(found)} of {many(len(self._contacts), 'contact')}, by the risk of a death:"
-        )
-        for name, each in found:
+        contacts = many(self._contacts, "contact")
+        self._print(f"worst {len(self._worst)} of {contacts}, by the risk of a death:")
+        for name, each in self._worst:
             who = sentence("the ego", one_line(each["other"]), each["side"], each["strikes"])
             size = (
                 f"{each['speed']:5.1f} m/s, change of velocity {each['delta_v']:4.1f} m/s, risk "
@@ -277,6 +282,12 @@ class OutcomeTable:
             sys.stderr.write(_CLEAR)
             sys.stderr.flush()
         print(text, flush=True)
+
+
+def _harm(contact: tuple[str, dict[str, Any]]) -> tuple[float, float, str]:
+    """Key that sorts contacts, named by their runs, with the worst first."""
+    name, impact = contact
+    return -impact["risk"], -impact["speed"], name
 
 
 def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
