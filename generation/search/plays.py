@@ -3,7 +3,6 @@ simulator."""
 
 from __future__ import annotations
 
-from contextlib import closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,14 @@ import numpy as np
 
 from generation.search.outcomes import NOTHING, RISK_WINDOW, Outcomes, episode, joined
 from generation.space.space import Space
-from runner.batch.arrays import BLOCK, obstacle, play, structures
+from runner.batch.arrays import (
+    BLOCK,
+    RUN_BY_RUN_BLOCK,
+    decides_together,
+    obstacle,
+    play,
+    structures,
+)
 from runner.batch.jobs import Job
 from runner.batch.pool import Workers, results
 from runner.engine.motion.rss import parameter_set
@@ -21,7 +27,6 @@ from runner.judging.evidence.array_judge import OPEN, ArrayOutcomes
 from runner.judging.measures.runs import Measuring
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
-from runner.systems.array_systems import open_arrays
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
@@ -80,7 +85,7 @@ class ArrayPlays:
         reason = obstacle(scenario, self._run, self._sets(drawn), fast=fast)
         if reason:
             raise Unsupported(reason, path=scenario)
-        self.together = _decides_together(self._run)
+        self.together = decides_together(self._run)
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), in their order.
@@ -96,10 +101,11 @@ class ArrayPlays:
         sets = self._sets(theta)
         if len(sets) <= self._few:
             if sut is not None:
-                _decides_together(settings)  # refuses what many points would
+                decides_together(settings)  # refuses what many points would
             return _singly(self._scenario, settings, self._rss, sets)
         # Parts are the same for any number of processes: a part has its own structures.
-        parts = [sets[first : first + BLOCK] for first in range(0, len(sets), BLOCK)]
+        size = BLOCK if sut is not None or self.together else RUN_BY_RUN_BLOCK
+        parts = [sets[first : first + size] for first in range(0, len(sets), size)]
         work = partial(_played, self._scenario, settings, self._rss)
         alone = len(parts) < 2 or not isinstance(settings.sut, str | None)
         with results(work, parts, Workers(1 if alone else self._processes)) as found:
@@ -108,17 +114,6 @@ class ArrayPlays:
     def _sets(self, theta: FloatArray) -> list[dict[str, str]]:
         pinned = {name: str(value) for name, value in self._space.pinned.items()}
         return [{**pinned, **values} for values in self._space.sets(theta)]
-
-
-def _decides_together(settings: RunSettings) -> bool:
-    """Whether a system decides in all runs by one call.
-
-    Raises:
-        Unsupported: it can't be asked for many points at once.
-    """
-    system = open_arrays(settings.sut, settings.sut_in_process, settings.sut_timeout)
-    with closing(system) if system is not None else nullcontext():
-        return system is None or system.together
 
 
 def _played(

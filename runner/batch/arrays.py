@@ -44,6 +44,9 @@ from schemas.expressions.values import type_named
 
 BLOCK = 16_384
 """Sets that are played at a time: a step of more of them costs less each"""
+RUN_BY_RUN_BLOCK = 1024
+"""Those where the system is asked run by run, which takes most of the time: several processes have
+work from fewer sets on"""
 _KEPT = 1024
 """Sets that are played at a time where all their instants are kept: about 40 MB for two
 participants and 30 s"""
@@ -53,8 +56,6 @@ SETS = "sets.parquet"
 """Table of the sets that were played in arrays, in the folder of a batch"""
 NEAREST = 10
 """Runs without a failure that come nearest to one, and that are recorded"""
-_CHUNK = 16_384
-"""Jobs that are settled at a time"""
 _MOST_STRUCTURES = 32
 """Structures that are compiled for the sets of a scenario; sets beyond are played one by one"""
 _TEXTS = ("outcome", "status", "partner")
@@ -256,6 +257,18 @@ def play(
         yield PlayedRow(structure.members[chosen], judge.outcomes(run))
 
 
+def decides_together(settings: RunSettings) -> bool:
+    """Whether the system under test decides in all runs by one call.
+
+    Raises:
+        Unsupported: it can't be asked for many runs at once.
+        ToolchainError: it fails, or there is none of this name.
+    """
+    system = open_arrays(settings.sut, settings.sut_in_process, settings.sut_timeout)
+    with closing(system) if system is not None else nullcontext():
+        return system is None or system.together
+
+
 class Together:
     """Jobs and outcomes of a batch: sets that pass in arrays are outcomes, the others jobs for the
     interpreter.
@@ -292,7 +305,7 @@ class Together:
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         try:
-            chunks = _chunks(self._jobs)
+            chunks = _chunks(self._jobs, self._size())
             while group := [*islice(chunks, self._processes)]:
                 yield from self._settle(group)
             # The nearest misses of all are known at the end only: as jobs they are recorded.
@@ -315,6 +328,13 @@ class Together:
             f"{self._passed} sets passed in arrays, kinematically, {len(self._failed)} failed there"
         )
         self._tell(f"{told}, of which {self.disagreements} did not fail one by one")
+
+    def _size(self) -> int:
+        """Jobs that are settled at a time, in each process."""
+        try:
+            return BLOCK if decides_together(self._settings) else RUN_BY_RUN_BLOCK
+        except (ToolchainError, NotInArrays):  # told with the first file
+            return BLOCK
 
     def _settle(self, chunks: list[list[Job] | Outcome]) -> Iterator[Job | Outcome]:
         """Play some chunks, each in a process of its own, and go through them in their order."""
@@ -426,10 +446,9 @@ def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
     return _Answer(known)
 
 
-def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:
-    """Consecutive jobs of one scenario and seed with the same parameters, and
-    outcomes as they are.
-    """
+def _chunks(jobs: Iterable[Job | Outcome], size: int) -> Iterator[list[Job] | Outcome]:
+    """Consecutive jobs of one scenario and seed with the same parameters, `size` at most, and
+    outcomes as they are."""
     chunk: list[Job] = []
     for job in jobs:
         if isinstance(job, Outcome):
@@ -438,7 +457,7 @@ def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:
             chunk = []
             yield job
             continue
-        if chunk and (len(chunk) >= _CHUNK or _kind(job) != _kind(chunk[0])):
+        if chunk and (len(chunk) >= size or _kind(job) != _kind(chunk[0])):
             yield chunk
             chunk = []
         chunk.append(job)

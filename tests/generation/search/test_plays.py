@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +30,15 @@ class Own:
         others, ego = observations.others, observations.ego
         near = (others.present & (np.abs(others.x - ego.x) < 25.0)).any(axis=0)
         return BatchControl(np.full(len(near), -6.0), accelerates=near)
+"""
+ASKED_RUN_BY_RUN = """
+from runner.systems import Control
+
+class Own:
+    def reset(self, ego, timestep, seed): ...
+    def control(self, observation, dt):
+        near = any(abs(other.x - observation.ego.x) < 25.0 for other in observation.others)
+        return Control(-6.0) if near else Control()
 """
 
 
@@ -127,6 +137,28 @@ def test_outcomes_are_those_of_any_number_of_processes(monkeypatch: pytest.Monke
     for each in fields(Outcomes):
         np.testing.assert_array_equal(getattr(one, each.name), getattr(two, each.name))
     assert len(two) == 40
+
+
+@pytest.mark.parametrize(("source", "sizes"), [(OWN, [12]), (ASKED_RUN_BY_RUN, [5, 5, 2])])
+def test_a_system_that_is_asked_run_by_run_has_work_for_several_processes(
+    source: str, sizes: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own.py").write_text(source, "utf-8")
+    space = Space.of(CUT_IN)
+    theta = space.draw(12, np.random.default_rng(2))
+    plays = ArrayPlays(CUT_IN, space, settings(f"{tmp_path / 'own.py'}:Own"), few=0)
+    whole = plays(theta)
+    found: list[int] = []
+    played = module._played
+
+    def seen(*given: Any) -> Outcomes:
+        found.append(len(given[-1]))
+        return played(*given)
+
+    monkeypatch.setattr(module, "RUN_BY_RUN_BLOCK", 5)
+    monkeypatch.setattr(module, "_played", seen)
+    same(whole, plays(theta))
+    assert found == sizes
 
 
 def test_few_points_are_played_by_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:

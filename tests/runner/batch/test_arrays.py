@@ -226,7 +226,7 @@ def test_a_batch_in_arrays_has_the_verdicts_of_one_by_one_and_records_few(
 def test_sets_in_several_processes_have_the_outcomes_of_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(arrays, "_CHUNK", 7)
+    monkeypatch.setattr(arrays, "BLOCK", 7)
     variation = tmp_path / "gaps.xosc"
     variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
     found = []

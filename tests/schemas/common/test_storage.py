@@ -14,6 +14,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import CommandPolicy, in_force
 from schemas.common.storage import (
     ForeignCache,
+    Records,
     cache_folder,
     check_settings,
     is_own,
@@ -215,3 +216,26 @@ def test_a_content_is_on_the_disk_before_its_name(tmp_path: Path) -> None:
     with watched(tmp_path, operations.append):
         keep(b"content", tmp_path / "file")
     assert [name for name in operations if name in ("fsync", "replace")] == ["fsync", "replace"]
+
+
+def test_records_are_sorted_by_name_and_the_last_of_a_name_stays(tmp_path: Path) -> None:
+    records = Records(tmp_path / "runs.jsonl")
+    records.sort(lambda record: record["name"])
+    assert not records.path.exists()
+    records.add([{"name": "b", "n": 1}, {"name": "a", "n": 2}, {"name": "b", "n": 3}, {"n": 4}])
+    with records.path.open("ab") as file:
+        file.write(b'{"name": "c"}\n')  # without its digest
+    records.sort(lambda record: record.get("name"))
+    assert records.read() == ([{"name": "a", "n": 2}, {"name": "b", "n": 3}], [])
+    before = records.path.stat()
+    records.sort(lambda record: record["name"])
+    assert records.path.stat().st_ino == before.st_ino, "what is in order is not written again"
+
+
+def test_records_are_read_a_line_at_a_time_and_damaged_lines_are_none(tmp_path: Path) -> None:
+    records = Records(tmp_path / "runs.jsonl")
+    assert not [*records]
+    records.add([{"n": 1}, {"n": 2}, {"n": 3}])
+    records.path.write_bytes(records.path.read_bytes().replace(b'"n": 2', b'"n": 7')[:-5])
+    assert [*records] == [{"n": 1}, None, None]
+    assert records.read().damaged == [2, 3]
