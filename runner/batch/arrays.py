@@ -45,8 +45,8 @@ from schemas.expressions.values import type_named
 BLOCK = 16_384
 """Sets that are played at a time: a step of more of them costs less each"""
 RUN_BY_RUN_BLOCK = 1024
-"""Those where the system is asked run by run, which takes most of the time: several processes have
-work from fewer sets on"""
+"""Sets that are played at a time where the system is asked run by run, which takes most of the
+time: several processes have work from fewer sets on"""
 _KEPT = 1024
 """Sets that are played at a time where all their instants are kept: about 40 MB for two
 participants and 30 s"""

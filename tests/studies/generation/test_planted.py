@@ -25,6 +25,8 @@ from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
 from studies.generation.lockstep import together
 from studies.generation.planted.designs import cells, maximin, sobol, stratified
+from studies.generation.planted.sampling import METHODS, Sampler, estimates
+from studies.generation.planted.sampling import table as sampled
 from studies.generation.planted.shapes import DEVELOPMENT, REPORTED, SHAPES
 from studies.generation.planted.study import (
     OURS,
@@ -325,3 +327,28 @@ def test_a_design_has_one_draw_in_each_cell_of_equal_probability(posed: SearchPr
     many = frame.coordinates(posed.prior.sample(4000, generator))
     below = frame.coordinates(design) <= np.median(many, axis=0)
     np.testing.assert_allclose(below.mean(axis=0), 0.5, atol=0.08)
+
+
+def test_draws_that_are_chosen_or_stratified_estimate_the_same_probability(
+    posed: SearchProblem, pool: Pool
+) -> None:
+    assert posed.prior is not None and posed.plays is not None
+    plans = [Plan("box", (1,), 0.03), Plan("corner", (1,), 0.02, SILENT)]
+    systems = [plant(plan, SPACE, posed.prior, posed.plays, pool, 3) for plan in plans]
+    truth = [
+        (each.within(pool.theta, pool.undriven).any(axis=0) & pool.undriven.collision).mean()
+        for each in systems
+    ]
+    frame = Frame.of(SPACE, posed.prior, np.random.default_rng(0))
+    sampler = Sampler(posed.prior, frame, posed.plays, systems, 512)
+    found, spent = estimates(sampler, 8, 1)
+    for name in METHODS:
+        assert found[name].mean(axis=0) == pytest.approx(truth, rel=0.4), name
+    assert spent["chosen"] > spent["draws"]
+    assert sampler.played == 8 * (3 * 512 + 128 + 384), (
+        "chosen draws of each system, and shared ones"
+    )
+    again, _ = estimates(sampler, 2, 1)
+    np.testing.assert_array_equal(again["chosen"], found["chosen"][:2])
+    lines = sampled(plans, found, spent, 1.0).splitlines()
+    assert [line.split(" | ")[0] for line in lines[-2:]] == ["| cells", "| chosen"]
