@@ -345,7 +345,7 @@ def test_draws_that_are_chosen_or_stratified_estimate_the_same_probability(
     for name in METHODS:
         assert found[name].mean(axis=0) == pytest.approx(truth, rel=0.4), name
     assert spent["chosen"] > spent["draws"]
-    assert sampler.played == 8 * (3 * 512 + 128 + 384), (
+    assert sampler.played == 8 * (2 * 512 + 128 + 2 * 384), (
         "chosen draws of each system, and shared ones"
     )
     again, _ = estimates(sampler, 2, 1)
