@@ -17,6 +17,7 @@ import numpy as np
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
+from schemas.common.terminal.text import shown
 from xodr.builders.elements import Geo
 from xodr.formats.lanelet2.borders import LaneletBounds, bounds_of, linked, split_at_joints
 from xodr.formats.lanelet2.lanelet import WALKS, Lanelet, Points
@@ -379,6 +380,6 @@ def _notes(relations: list[Relation], rules: Regulations) -> list[str]:
     if assumed:
         notes.append(
             "speed limits are the usual ones, since the map gives none: lanelets "
-            f"{' '.join(assumed)}"
+            f"{' '.join(shown(assumed))}"
         )
     return notes
