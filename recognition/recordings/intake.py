@@ -174,6 +174,8 @@ _BOXES = {
 }
 """Least and greatest length and width (m) of most of a category; the limits of units, not of
 vehicles"""
+_SKEWED = math.radians(20.0)
+"""Median angle between heading and motion above which headings are of another convention"""
 _BACKWARDS = math.radians(120.0)
 """Angle between heading and motion above which a vehicle goes backwards"""
 
@@ -525,6 +527,14 @@ def _headings(rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]) ->
     way = np.arctan2(rows.y[there] - rows.y[here], rows.x[there] - rows.x[here])
     angle = np.abs(np.remainder(rows.h[here] - way + math.pi, math.tau) - math.pi)
     aside = float((angle > math.radians(45.0)).mean())
+    usual = float(np.median(angle))
+    if usual > _SKEWED and aside <= 0.5:
+        # Half of all motion is not along the box: no vehicle drifts for so long.
+        reason = (
+            f"vehicles move {math.degrees(usual):.0f}° off their headings in the median: headings "
+            "have another zero or unit, or the axes are exchanged"
+        )
+        return Check("headings", REFUSED, 1.0, reason)
     if aside <= 0.02:
         return None
     back = float((angle > _BACKWARDS).mean())

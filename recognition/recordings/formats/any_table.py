@@ -69,6 +69,8 @@ _FRAME = {
 headings are counted and the way they turn as the axes lie, and the point of the vehicle whose place
 is recorded"""
 _MICRO = 1_000_000
+_OTHER_STEP = 0.1
+"""Relative difference from which a declared step is another one than the table's"""
 
 
 class ColumnsDeclaration(NamedTuple):
@@ -204,21 +206,33 @@ def _read(path: Path, declaration: Path) -> tuple[Recording, Report]:
 
 
 def _clock(form: ColumnsDeclaration, time: FloatArray, track: IntArray) -> tuple[IntArray, float]:
-    """Times in µs, and the step: the one declared, else the most frequent one within tracks, s."""
+    """Times in µs, and the step: the one declared, else the most frequent one within tracks, s.
+
+    Raises:
+        InvalidFile: the declared step is not that of the table's times.
+    """
     factor = form.units["time"]
     seconds = time * (form.step if math.isnan(factor) and form.step else factor)
     # Whole microseconds: equal times of different tracks compare equal.
     counts = np.round((seconds - seconds.min()) * _MICRO).astype(np.int64)
-    if form.step is not None:
+    if form.step is not None and math.isnan(factor):
         return counts, form.step
     order = np.lexsort((counts, track))
     steps = np.diff(counts[order])[np.diff(track[order]) == 0]
     steps = steps[steps > 0]
+    if not len(steps) and form.step is not None:
+        return counts, form.step
     if not len(steps):
         raise InvalidFile(f"{form.columns['time']}: no track has two times", path=form.path)
     # To milliseconds, since clocks jitter: the most frequent step is that of the sensor.
     found, often = np.unique(np.round(steps, -3), return_counts=True)
-    return counts, float(found[often.argmax()]) / _MICRO
+    step = float(found[often.argmax()]) / _MICRO
+    if form.step is not None and abs(step / form.step - 1.0) > _OTHER_STEP:
+        told = (
+            f"step = {form.step:g} s, but {form.columns['time']} of the table is {step:g} s apart"
+        )
+        raise InvalidFile(told, path=form.path)
+    return counts, form.step or step
 
 
 def _places(

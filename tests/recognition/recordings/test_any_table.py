@@ -100,6 +100,7 @@ def test_headings_and_speeds_follow_from_places(tmp_path: Path) -> None:
         ('[units]\nheading = "rad"\n', {}, "headings have another zero or unit"),
         ('[units]\nheading = "deg"\n[frame]\ny = "right"\n', {}, "headings have another zero"),
         ('[units]\nheading = "deg"\nspeed = "km/h"\n', {}, "places move at 3.6"),
+        ('[units]\nheading = "deg"\n', {"zero": 35.0}, "move 35° off their headings in the median"),
     ],
 )
 def test_the_intake_names_wrong_declarations(
@@ -117,6 +118,7 @@ def test_the_intake_names_wrong_declarations(
         (PLAIN + '[units]\ntime = "h"\n', "'h' is no unit of time; known are s, ms"),
         (PLAIN + '[frame]\ny = "up"\n', "'up' is no value of y; known are left, right"),
         (PLAIN + '[units]\ntime = "frames"\n', "time in frames needs a step"),
+        ("step = 0.2\n" + PLAIN, "step = 0.2 s, but t of the table is 0.1 s apart"),
         (PLAIN + "[frame]\ny = 3\n", r"\[frame\] is a table of texts"),
         ("x = [\n", "no TOML"),
         (PLAIN + 'category = "kind"\n', "does not have 'T'"),
