@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from runner.engine.participants.declaration import BoundingBox, Performance
 from runner.engine.storyboard.driver import Pose as Pose
-from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError, like_or_nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -312,9 +312,10 @@ def arguments(
         if parameter == FIRST and declared:
             parameter = next(iter(declared))
         if parameter not in declared:
-            there = ", ".join((*declared, *more)) or "none"
+            there = (*declared, *more)
             raise UsageError(
-                f"the system under test {name!r} has no parameter {parameter!r}; there are {there}"
+                f"the system under test {name!r} has no parameter {parameter!r}; "
+                f"{like_or_nearest(parameter, there)}"
             )
         values[parameter] = _value(
             text, _kind(declared[parameter]), f"the parameter {parameter} of {name!r}"

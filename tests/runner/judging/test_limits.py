@@ -243,7 +243,7 @@ def test_a_system_is_given_parameters_and_the_verdict_says_what_it_could_see(
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("cas:range=60", "has no parameter 'range'; there are sensor_range, rss, brake"),
+        ("cas:range=60", "has no parameter 'range'; did you mean 'sensor_range'"),
         ("cas:sensor_range=far", "the parameter sensor_range of 'cas' is a number, not 'far'"),
         ("cas:sensor_range=nan", "is a number, not 'nan'"),
         ("cas:sensor_range=60,brake", "NAME=VALUE is expected, not 'brake'"),
