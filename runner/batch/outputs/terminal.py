@@ -40,6 +40,8 @@ _NAME = 44
 """Least width of the column with the names of runs"""
 _REST = 60
 """Width of all other columns, with room for a reason"""
+_VALUES = 8
+"""Least room for the values of a run at the end of its line"""
 _LISTED = 5
 """Runs that are named in a group of the summary, and among the worst"""
 _PAGES = ("before-and-after.html", "replay.html")
@@ -175,7 +177,8 @@ class OutcomeTable:
         line = f"{name:{_NAME}}  {end:>9}  {how}"
         if values and self._terminal:
             room = shutil.get_terminal_size().columns - _WORD - len(line) - 2
-            values = values if len(values) <= room else f"{values[: max(room - 1, 0)]}…"
+            cut = f"{values[: room - 1]}…" if room >= _VALUES else ""
+            values = values if len(values) <= room else cut
         return f"{word}{line}  {values}".rstrip()
 
     def working(self, count: int) -> None:
