@@ -355,7 +355,7 @@ def _cannot(generated: Generated, settings: SearchSettings, covered: Coverage) -
         + (f", or at other values of {', '.join(space.pinned)}" if space.pinned else "")
     )
     if gate.replayed is None:
-        yield "how likely a failure is in traffic: the density is stated, not recorded"
+        yield "how likely a failure is in traffic: the density is stated, in whole or in part"
     elif gate.refusal is not None:
         yield f"which failures are foreseeable: {gate.refusal}"
     else:

@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from generation.search.methods.judging import aside
-from generation.search.methods.models import BORDER, Forest, Frame, GaussianProcess
+from generation.search.methods.models import Forest, Frame, GaussianProcess
 from generation.search.outcomes import survivors
 from generation.search.problem import BATCH, Calls, History, Plays, SearchProblem
 from generation.space.density.prior import Prior
@@ -61,7 +61,6 @@ class CoverSettings:
         first: runs that explore before the first guided one, without plays.
         explored: share of the runs that are draws.
         spread: share of the runs that go where no run was, without plays.
-        border: share of the guided runs where the border of failure is least known, without plays.
         elsewhere: least share of the other guided runs that are near no known failure.
         radius: distance in the unit cube, root mean square over the parameters that tell cases
             apart, up to which a failure covers others.
@@ -83,7 +82,6 @@ class CoverSettings:
     first: int = 60
     explored: float = 0.15
     spread: float = 0.25
-    border: float = 0.0
     elsewhere: float = 0.25
     radius: float = 0.08
     linked: float = 0.15
@@ -330,7 +328,6 @@ class _Search:
         if self._plays is None:
             spread = self._settings.spread / (1.0 - self._settings.explored)
             self._spread(ground, theta, round(spread * n))
-            self._straddle(ground, theta, round(self._settings.border * n))
         of, known = self._region_of(unit), len(self._shares(0)) - 1
         # Draws near a known failure are covered already and count nothing.
         left = self._off >= self._settings.radius
@@ -356,16 +353,6 @@ class _Search:
         for part, power in ((n // 2, 0.0), (n - n // 2, _POWER)):
             weight = np.maximum(rank, 1e-3) ** power
             ground.choose(weight[known:], np.where(free, weight[:known], 0.0), part)
-
-    def _straddle(self, ground: _Field, theta: FloatArray, n: int) -> None:
-        """Choose candidates at which the process knows least whether they fail, wherever traffic
-        is: where margins deceive, what it expects leads nowhere.
-
-        B. Bryan et al., Active learning for identifying function threshold boundaries, 2005.
-        """
-        mean, deviation = self._process.predicted(self._frame.coordinates(theta))
-        unknown = 1.96 * deviation - np.abs(mean - BORDER)
-        ground.choose(unknown - unknown.min(initial=0.0), np.zeros(len(ground.traffic)), n)
 
     def _shares(self, n: int) -> IntArray:
         """Runs of each region, and of what is near none (last), of n: as many each, the small
