@@ -497,8 +497,12 @@ def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
     try:
         float(value)
     except ValueError:
+        of = value.removeprefix("$")
+        hint = (
+            f"; --free {of}=LOW..HIGH searches it" if value[:1] == "$" and of.isidentifier() else ""
+        )
         raise UsageError(
-            f"--free {where}: {attribute} is {value!r}, not a number", path=path
+            f"--free {where}: {attribute} is {value!r}, not a number{hint}", path=path
         ) from None
     name = f"{found[0].tag}_{attribute}_{line}"
     found[0].element.set(attribute, f"${name}")

@@ -255,3 +255,26 @@ def test_parameters_without_limits_or_numbers_are_refused_by_name() -> None:
         Space.of(corpus, ranges=freed(["Oncoming_Model=1..2"])[1])
     with pytest.raises(UsageError, match=r"--free Ego_SlowingStart_s=LOW\.\.HIGH"):
         Space.of(corpus, free=["Ego_SlowingStart_s"])
+
+
+def test_parameters_of_the_system_are_declared_in_a_copy(tmp_path: Path) -> None:
+    free = ["sut_delay=0.1..0.5", "CutIn_Gap_m=6..30"]
+    ask, copy = with_literals(Ask(free=free), SIMPLE, tmp_path / "source")
+    assert sorted(ask.free) == sorted(free) and check(copy) == []
+    asked = asked_of(ask, copy)
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
+    assert set(space.names) == {"sut_delay", "CutIn_Gap_m"}
+    # Declared once: the copy has it already.
+    assert with_literals(ask, copy, tmp_path / "again") == (ask, copy)
+
+
+def test_a_reference_in_the_place_of_a_literal_says_what_to_free(tmp_path: Path) -> None:
+    line = next(
+        number
+        for number, text in enumerate(SIMPLE.read_text().splitlines(), 1)
+        if 'AbsoluteTargetSpeed value="$Ego_Speed_mps"' in text
+    )
+    with pytest.raises(UsageError, match=r"--free Ego_Speed_mps=LOW\.\.HIGH searches it"):
+        with_literals(Ask(free=[f"{line}@value=0..2"]), SIMPLE, tmp_path)

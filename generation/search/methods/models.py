@@ -69,9 +69,10 @@ _CLEAR, _BRAKED = 0.1, 0.8
 collision"""
 
 
-_LIMITED, _TYPICAL = 0.9, 8.0
+_LIMITED, _TYPICAL = 0.45, 8.0
 """Nearness of a run that only just keeps its limits, and how often that is as much as of a run with
-the typical margin, about"""
+the typical margin, about. It is below `BORDER`: many runs that pass each other at a distance are
+near a limit all along, and a process would take them for failures"""
 
 
 def typical_margin(outcomes: Outcomes) -> float:
