@@ -42,6 +42,10 @@ def publication(
         bool,
         typer.Option("--smallest", help="Smallest settings: all of it runs in minutes."),
     ] = False,
+    middle: Annotated[
+        bool,
+        typer.Option("--middle", help="Fewer windows and a small encoder: runs in hours."),
+    ] = False,
     recordings: Annotated[
         Path | None,
         typer.Option(
@@ -64,7 +68,9 @@ def publication(
     _version: Version = False,
 ) -> None:
     """Make the publication's tables, and a page that has them beside the published rows."""
-    scale = "smallest" if smallest else "full"
+    if smallest and middle:
+        raise UsageError("--smallest and --middle are two scales; give one of them")
+    scale = "smallest" if smallest else "middle" if middle else "full"
     if recordings is not None and not recordings.exists():
         raise UsageError("there are no recordings", path=recordings)
     found = stages(SCALES[scale], out, recordings)

@@ -23,26 +23,37 @@ This page is generated from the result files in `studies/results`: `python -m st
 makes both, `--page-only` the page alone. Edit neither by hand.
 
 **Rows of ours can't be compared with published ones.** The publication was measured on highD and
-INTERACTION with CARLA, ours on SUMO's traffic on our own maps. Who has those recordings gives their
-folder with `--recordings`, and gets the rows on them.
+INTERACTION with CARLA, ours on SUMO's traffic on our own maps, recorded in the formats of both. Who
+has those recordings gives their folder with `--recordings`, and gets the rows on them.
 """
 _SMALLEST = """\
 Tables that say *smallest settings* have one seed, {events} windows of each class, {budget} runs a
 search, and principal components in the place of the encoder of grids. They show that each row is
-made, not how good a method is. Searches of more seeds: [planted
+made, not how good a method is. Components are few for their windows there: with as many as half of
+the training windows these lay further apart than test windows, and TRFE, which learns distances,
+was below plain votes. Searches of more seeds: [planted
 failures](generation-results.md#planted-failures).
+"""
+_MIDDLE = """\
+Tables that say *middle settings* have the recordings of the full ones, {seeds} seeds, at most
+{events} windows of each class, and the small encoder `{grids}` in the place of the publication's:
+five seeds of that one take a GPU for hours.
 """
 _FULL = """\
 All others have at most {events} windows of each class and {budget} runs a search. *As published*:
-the encoder `{grids}` of occupancy grids, of the publication's size; *as shipped*: tokens.
+the encoder `{grids}` of occupancy grids, of the publication's size; *as shipped*: tokens. The rows
+differ in what follows the encoder: the publication's own screening is *reading A of plain votes*,
+ours *TRFE*, on either encoder.
 """
 _APPROACHES = """\
 Cut ins before the T junction and before the four-way intersection are on the same approach, and end
 before either: their rows are the same.
 """
-_SMALLEST_MARK = ", smallest settings"
-_ORDER = ("full", "smallest")
-"""Scales, the one to show first"""
+_MARKS = {"full": "", "middle": ", middle settings", "smallest": ", smallest settings"}
+"""Scales, the one to show first, and what they add to headings"""
+_ALWAYS = ("open-set",)
+"""Tables of which the smallest settings are shown beside others: there a method that needs many
+windows falls behind first"""
 
 
 def text(results: Path) -> str:
@@ -56,22 +67,24 @@ def text(results: Path) -> str:
         InvalidFile: a journal, or a table that is there, is damaged.
     """
     published = read_table(HERE / "published.csv")[1:]
-    journals = {scale: read_journal(results / scale) for scale in _ORDER}
-    paragraphs = {"full": _FULL, "smallest": _SMALLEST}
+    journals = {scale: read_journal(results / scale) for scale in _MARKS}
+    paragraphs = {"full": _FULL, "middle": _MIDDLE, "smallest": _SMALLEST}
     parts = [
         _INTRODUCTION,
         *(
             paragraphs[scale].format(**SCALES[scale]._asdict())
-            for scale in _ORDER
+            for scale in _MARKS
             if journals[scale]
         ),
         _rests(results),
-        _components(),
+        _components(results),
+        _above(results),
     ]
     parts.append("## Recognition\n")
     for name, title, table, figures in _RECOGNITION:
         heading = f"{table}: {title}" if table else title
-        for found, mark, settings in _settings(results, name):
+        shown = _settings(results, name, _SETTINGS)
+        for found, mark, settings in shown or [(results / "smallest", "", _SETTINGS)]:
             beside = _beside(found, settings, name, published, table, figures)
             parts.append(_section(heading + mark, beside))
     parts.append(_pictures(results, "4"))
@@ -95,7 +108,7 @@ def text(results: Path) -> str:
         found, mark = _folder(results, [(stage, "generated")])
         rows = _plain(found / stage / "generated.csv")
         parts.append(_section(f"Figure 8: {stage.replace('_', ' ')}{mark}", rows))
-    parts += [_commands(journals[scale].values(), scale) for scale in _ORDER if journals[scale]]
+    parts += [_commands(journals[scale].values(), scale) for scale in _MARKS if journals[scale]]
     return "\n".join(part for part in parts if part)
 
 
@@ -116,9 +129,10 @@ def _pictures(results: Path, *figures: str) -> str:
     for figure in figures:
         picture = PICTURES[figure]
         if picture.possible(find):
-            paths = (find(stage, table) for stage in picture.stages for table in picture.tables)
-            small = any(path is not None and "smallest" in path.parts for path in paths)
-            caption = picture.caption.removesuffix(".") + (_SMALLEST_MARK if small else "") + "."
+            paths = [find(stage, table) for stage in picture.stages for table in picture.tables]
+            scales = {path.parts[-3] for path in paths if path is not None} - {"full"}
+            marks = "".join(_MARKS[scale] for scale in _MARKS if scale in scales)
+            caption = picture.caption.removesuffix(".") + marks + "."
             lines.append(f"![{caption}]({FOLDER}/{picture.file})\n\n{caption}\n")
     return "\n".join(lines)
 
@@ -127,10 +141,9 @@ def _rests(results: Path) -> str:
     """Foundation of each table: seeds, trials, and data that settings were chosen on."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for title, stages, name in _RESTING:
-        for stage in stages:
-            found, mark = _folder(results, [(stage, name)])
-            path = found / stage / f"{name}.csv"
-            if path.exists():
+        for found, mark, shown in _settings(results, name, stages):
+            for stage in shown:
+                path = found / stage / f"{name}.csv"
                 foundation = title, mark, _seeds(path), *_trials(found, stage)
                 groups.setdefault(foundation, []).append(stage.replace("_", " "))
     rows = [
@@ -190,23 +203,27 @@ def _folder(results: Path, tables: Iterable[tuple[str, str]]) -> tuple[Path, str
     and what its headings add.
     """
     wanted = list(tables)
-    for scale in _ORDER:
+    for scale, mark in _MARKS.items():
         if any((results / scale / stage / f"{name}.csv").exists() for stage, name in wanted):
-            return results / scale, _SMALLEST_MARK if scale == "smallest" else ""
-    return results / _ORDER[-1], ""
+            return results / scale, mark
+    return results / "smallest", ""
 
 
-def _settings(results: Path, name: str) -> list[tuple[Path, str, tuple[str, ...]]]:
-    """Folders that have a table of the protocol with the settings to show of each: the first scale
-    of each setting, as scales can't stand in one row."""
-    left, found = list(_SETTINGS), []
-    for scale in _ORDER:
-        made = [one for one in left if (results / scale / one / f"{name}.csv").exists()]
+def _settings(
+    results: Path, name: str, stages: Sequence[str]
+) -> list[tuple[Path, str, tuple[str, ...]]]:
+    """Folders that have a table with the stages to show of each, as scales can't stand in one row:
+    all of the full and the middle scale, and of the smallest what neither has.
+    """
+    left, found = list(stages), []
+    for scale, mark in _MARKS.items():
+        there = [one for one in stages if (results / scale / one / f"{name}.csv").exists()]
+        wanted = left if scale == "smallest" and name not in _ALWAYS else stages
+        made = tuple(one for one in there if one in wanted)
         left = [one for one in left if one not in made]
         if made:
-            mark = _SMALLEST_MARK if scale == "smallest" else ""
-            found.append((results / scale, mark, tuple(made)))
-    return found or [(results / _ORDER[-1], "", _SETTINGS)]
+            found.append((results / scale, mark, made))
+    return found
 
 
 _SETTINGS = ("published", "shipped")
@@ -232,9 +249,85 @@ _GENERATION = (
 """Tables of cut ins: stage, name of the file, title, and the publication's table, if any"""
 
 
-def _components() -> str:
+def _above(results: Path) -> str:
+    """Rows of recognition that are above TRFE in what their table is about; those of the smallest
+    settings have one seed and are left out.
+    """
+    rows = []
+    for name, title, _, figures in _RECOGNITION:
+        figure = figures[-1] if "after" in figures[-1] else figures[0]
+        for folder, mark, stages in _settings(results, name, _SETTINGS):
+            for stage in stages if folder.name != "smallest" else ():
+                where = f"{title}, as {stage}{mark}: {figure}"
+                rows += [[where, *row] for row in _better(folder / stage / f"{name}.csv", figure)]
+    header = ["where", _OURS, "row", "its figure", "seeds", "p"]
+    return _section("Rows above TRFE", (header, rows), "##") + _GIVEN if rows else ""
+
+
+def _better(path: Path, figure: str) -> list[list[str]]:
+    """Rows of a table whose mean is above TRFE's: TRFE's figure, title, figure, seeds and p."""
+    table = {title: row for title, row in _rows(path).items() if row[figure] != _NONE}
+    ours = table.pop(_OURS, {}).get(figure, "inf")
+    untested = {"p": _NONE} if figure not in _TESTED else {}
+    return [
+        [ours, title, row[figure], row.get(_SEEDS, "1"), (row | untested).get("p", _NONE)]
+        for title, row in table.items()
+        if float(row[figure].split()[0]) > float(ours.split()[0])
+    ]
+
+
+_GIVEN = """
+Rows *given K* are told the number of new classes, which TRFE has to find; *as shipped* is what the
+product does. p is of a two-sided paired t-test over the seeds that both rows have.
+"""
+_OURS = "TRFE"
+
+
+def _rows(path: Path) -> dict[str, dict[str, str]]:
+    """Rows of a table by their titles, each by the names of columns; nothing where there is no
+    table."""
+    if not path.exists():
+        return {}
+    header, *rows = read_table(path)
+    return {row[0].rstrip(" †").strip("*"): dict(zip(header, row, strict=True)) for row in rows}
+
+
+def _components(results: Path) -> str:
+    """Parts of the method, each with the rows that measure its difference."""
     header, *rows = read_table(HERE / "components.csv")
-    return _section("Parts of the method", (header, rows), "##")
+    shown = [[*row[:-1], _measured(results, row[-1]) if row[-1] else _NONE] for row in rows]
+    return _section("Parts of the method", ([*header[:-1], "measured"], shown), "##")
+
+
+def _measured(results: Path, wanted: str) -> str:
+    """Cells of result files: `stage|table|figure|row|row…`, several of them joined by ` & `."""
+    return "; ".join(_cells(results, *one.split("|")) for one in wanted.split(" & "))
+
+
+def _cells(results: Path, stage: str, name: str, figure: str, *titles: str) -> str:
+    """A figure of rows of a table, of the scale that has most seeds of all of them."""
+    best, found = 0, ""
+    for scale, mark in _MARKS.items():
+        rows = _rows(results / scale / stage / f"{name}.csv")
+        chosen = [rows[title] for title in titles if figure in rows.get(title, {})]
+        seeds = min((int(row.get(_SEEDS, "1")) for row in chosen), default=0)
+        if len(chosen) == len(titles) and seeds > best:
+            values = ", ".join(_cell(title, figure, rows[title]) for title in titles)
+            many = f"{seeds} seed{'s' * (seeds > 1)}" if _SEEDS in chosen[0] else ""
+            rests = ", ".join(part for part in (f"as {stage}" * (stage in _SETTINGS), many) if part)
+            best, found = seeds, f"{figure} {values} ({rests}{mark})".replace(" ()", "")
+    return found or f"{figure}: not made yet"
+
+
+def _cell(title: str, figure: str, row: dict[str, str]) -> str:
+    """The figure of a row with its name, and p where the table has it and it is that of the figure
+    that is compared."""
+    p = row.get("p", _NONE)
+    return f"*{title}* {row[figure]}" + (f" (p {p})" if p != _NONE and figure in _TESTED else "")
+
+
+_TESTED = ("macro-F1", "ACC_cluster")
+"""Figures by which rows are compared with TRFE in result files"""
 
 
 def _beside(
@@ -331,12 +424,16 @@ def _commands(entries: Iterable[Entry], scale: str) -> str:
         ]
         for each in made
     ]
-    total = sum(each.seconds for each in made)
+    clock = [each.seconds for each in made if each.seconds]
     counted = [float(each.processor) for each in made if each.processor]
-    spent = f", {sum(counted) / 60:.0f} of processor time" if len(counted) == len(made) else ""
+    spent = [
+        f"{sum(times) / 60:.0f} minutes {what}"
+        for times, what in ((clock, "by the clock"), (counted, "of processor time"))
+        if len(times) == len(made)
+    ]
     header = ["stage", "command", "s", "processor s", "machine", "date", "commit"]
-    command = f"`python -m studies.publication{' --smallest' if scale == 'smallest' else ''}`"
+    command = f"`python -m studies.publication{'' if scale == 'full' else f' --{scale}'}`"
     return (
         _section(f"Commands, {scale} settings", (header, rows), "##")
-        + f"\n{command} runs them, {total / 60:.0f} minutes in all{spent}.\n"
+        + f"\n{command} runs them{', ' * bool(spent)}{', '.join(spent)}.\n"
     )

@@ -85,10 +85,9 @@ def _sensitivity(find: Find) -> bytes:
             points = [(float(row[0]), *_mean(row[column])) for row in rows]
             x, y, spread = np.array(points).T
             bars = spread if spread.any() else None
-            small = " (smallest)" if "smallest" in path.parts else ""
-            axes.errorbar(
-                x, y, bars, color=colour, marker=".", linewidth=1, label=f"as {stage}{small}"
-            )
+            scale = path.parts[-3]
+            label = f"as {stage}" + (f" ({scale})" if scale != "full" else "")
+            axes.errorbar(x, y, bars, color=colour, marker=".", linewidth=1, label=label)
         axes.set_xscale("log")
         ticks = np.unique(np.concatenate([line.get_xdata() for line in axes.lines]))
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], rotation=60, fontsize=7)

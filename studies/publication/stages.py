@@ -43,6 +43,9 @@ _MORE = (
     *("joint", "retrained", "joint-retrained", "as-published-joint"),
 )
 """Rows of plain methods, of an autoencoder, which read grids, and of an encoder that learns on"""
+_PARTS = ("pooled", "supervised-forest", "all-candidates")
+"""Rows that differ from TRFE in one part: votes without distances, the similarity, and the number
+of candidates"""
 
 
 class FailedStage(ToolchainError):
@@ -60,6 +63,7 @@ class Scale(NamedTuple):
         grids: preset of the encoder that reads grids, as published.
         rows: methods, variants and curves that are compared.
         densities: whether densities are compared, which takes minutes whatever the settings.
+        figures: whether the stages draw pictures of their own; those of the page are made anyway.
     """
 
     recorded: tuple[str, ...]
@@ -70,10 +74,22 @@ class Scale(NamedTuple):
     grids: str
     rows: tuple[str, ...]
     densities: bool = False
+    figures: bool = False
 
 
 SCALES = {
     "smallest": Scale(("--scale", "0.02"), 20, 1, 40, 1, "pca", (*_FEW, *_CURVES)),
+    "middle": Scale(
+        *(
+            ("--families", "60", "--seed", "900"),
+            100,
+            5,
+            300,
+            5,
+            "cpu-rows",
+            (*_FEW, *_CAPACITIES, *_CURVES, *_MORE, *_PARTS),
+        )
+    ),
     "full": Scale(
         *(
             ("--families", "60", "--seed", "900"),
@@ -85,9 +101,11 @@ SCALES = {
             (*_FEW, *_CAPACITIES, *_CURVES, *_MORE),
         ),
         densities=True,
+        figures=True,
     ),
 }
-"""Settings by name: `smallest` shows that all of it runs, `full` is what is reported"""
+"""Settings by name: `smallest` shows that all of it runs, `middle` has the recordings and the seeds
+of `full` with a quarter of the windows and a small encoder of grids, so that it needs no GPU"""
 
 
 class Stage(NamedTuple):
@@ -139,7 +157,7 @@ def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[s
         str(recordings),
         *("--out", str(out), "--preset", preset),
         *("--events-per-class", str(scale.events), "--seeds", str(scale.seeds)),
-        *("--first-seed", "10", "--quiet"),
+        *("--first-seed", "10", "--quiet", *_without_figures(scale)),
         *(part for name in scale.rows for part in ("--methods", name)),
     )
 
@@ -163,8 +181,13 @@ def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
         "--quiet",
         *(_PINNED if seven else ()),
         "--no-likelihoods",
+        *_without_figures(scale),
         *(part for name in few for part in ("--methods", name)),
     )
+
+
+def _without_figures(scale: Scale) -> tuple[str, ...]:
+    return () if scale.figures else ("--no-figures",)
 
 
 def run(chosen: Sequence[Stage]) -> Iterator[tuple[Stage, float, float]]:

@@ -79,6 +79,13 @@ def test_a_stage_that_fails_ends_the_command_and_is_named(tmp_path: Path) -> Non
         list(run([Stage("shipped", ("no_such_module_anywhere",))]))
 
 
+def test_two_scales_at_once_are_refused(
+    call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("--smallest", "--middle") == 2
+    assert "--smallest and --middle are two scales" in capsys.readouterr().err
+
+
 def test_an_unknown_stage_is_named(
     call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,6 +137,52 @@ def test_settings_of_another_scale_have_a_table_of_their_own(tmp_path: Path) -> 
     assert "full shipped" in shipped and "full shipped" not in published
     assert "smallest published" in published
     assert "smallest shipped" not in text
+
+
+OPEN_SET = ",macro-F1,AUROC,OSCR,seeds,p\n**TRFE**,{},0.9,0.8,{},–\nCAC,{},0.8,0.7,{},{}\n"
+
+
+def test_five_seeds_of_a_smaller_encoder_stand_below_one_of_the_published(tmp_path: Path) -> None:
+    for scale, ours, seeds in (("full", "0.361", 1), ("middle", "0.500", 5)):
+        table(
+            tmp_path / scale / "published" / "open-set.csv",
+            OPEN_SET.format(ours, seeds, "0.4", seeds, "–"),
+        )
+    text = page.text(tmp_path)
+    full, middle = text.split("of known and unknown classes, middle settings\n")
+    assert "| TRFE | 0.906 | 0.361 | 0.9 | 0.8 | 1 |" in full
+    assert "| TRFE | 0.906 | 0.500 | 0.9 | 0.8 | 5 |" in middle
+
+
+def test_what_a_part_costs_is_read_from_the_rows_with_most_seeds(tmp_path: Path) -> None:
+    wanted = "shipped|open-set|macro-F1|TRFE|CAC"
+    assert page._measured(tmp_path, wanted) == "macro-F1: not made yet"
+    for scale, ours, seeds in (("full", "0.8", 2), ("middle", "0.7", 5)):
+        table(
+            tmp_path / scale / "shipped" / "open-set.csv",
+            OPEN_SET.format(ours, seeds, "0.6", seeds, "0.03"),
+        )
+    assert page._measured(tmp_path, wanted) == (
+        "macro-F1 *TRFE* 0.7, *CAC* 0.6 (p 0.03) (as shipped, 5 seeds, middle settings)"
+    )
+    assert page._measured(tmp_path, f"{wanted} & shipped|open-set|AUROC|TRFE").endswith(
+        "; AUROC *TRFE* 0.9 (as shipped, 5 seeds, middle settings)"
+    )
+
+
+def test_rows_above_ours_are_listed_and_those_of_one_small_seed_are_not(tmp_path: Path) -> None:
+    for scale in ("middle", "smallest"):
+        table(
+            tmp_path / scale / "shipped" / "open-set.csv",
+            OPEN_SET.format("0.700 ± 0.010", 5, "0.710 ± 0.020", 4, "0.03"),
+        )
+    text = page.text(tmp_path)
+    assert text.count("macro-F1 | 0.700 ± 0.010 | CAC | 0.710 ± 0.020 | 4 | 0.03 |") == 1
+
+
+def test_each_part_of_the_method_is_measured_but_the_simulator() -> None:
+    rows = results.read_table(page.HERE / "components.csv")[1:]
+    assert [row[0] for row in rows if not row[-1]] == ["3.5 simulator"]
 
 
 def test_a_damaged_journal_is_named(tmp_path: Path) -> None:
