@@ -14,8 +14,13 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.report.options import Failing, budget_within_limits, fates, limits_and_fates
-from generation.search.settings import Ask, SearchSettings
+from generation.report.options import Failing, fates
+from generation.search.settings import (
+    Ask,
+    SearchSettings,
+    budget_within_limits,
+    limits_and_fates,
+)
 from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
 from schemas.common.terminal.command_line import (
     Quiet,
@@ -124,7 +129,7 @@ def xosc_generate(
     settings = replace(settings, budget=budget, density=ask.density)
     limits, others = limits_and_fates(fail_if)
     settings = replace(settings, run=replace(settings.run, fail_if=limits))
-    wanted = fates(others, against)
+    wanted = fates(others, against) if others or against else ()
     # What was spent until here counts: loading alone takes seconds.
     clock = SearchClock(settings.minutes, time.process_time())
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):

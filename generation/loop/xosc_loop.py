@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.report.options import Failing, budget_within_limits, fates, limits_and_fates
-from generation.search.settings import LoopSettings
+from generation.report.options import Failing, fates
+from generation.search.settings import (
+    LoopSettings,
+    budget_within_limits,
+    limits_and_fates,
+)
 from schemas.common.errors import ExitCode, UsageError, exit_codes
 from schemas.common.terminal.command_line import (
     AllowInconclusive,

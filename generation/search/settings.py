@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from generation.space.density.models import JUDGE, UNIFORM, models
 from generation.space.density.roles import ROLES
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError, guess
+from schemas.common.policy import current
 from schemas.common.terminal.options import completed, option, part
 
 if TYPE_CHECKING:
@@ -335,3 +337,51 @@ def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
         value = ", ".join(map(str, value))
     return "–" if value is None or value == "" else str(value)
+
+
+def budget_within_limits(budget: int, more: int, name: str) -> int:
+    """Return the runs that a search may spend under `--max-runs`; a reduction is reported on
+    standard error.
+
+    Args:
+        budget: the runs asked for.
+        more: runs that are done besides.
+        name: of the command.
+
+    Raises:
+        UsageError: `--max-runs` leaves none.
+    """
+    from schemas.common.terminal.command_line import say
+
+    most = current().max_runs
+    if most is None or budget + more <= most:
+        return budget
+    if most <= more:
+        raise UsageError(
+            f"--estimate takes up to {more} runs, and the search some: --max-runs {most} is too few"
+        )
+    say(
+        f"{name}: --max-runs {most} leaves {most - more} of {budget} runs to the search",
+        to=sys.stderr,
+    )
+    return most - more
+
+
+FATES = ("new", "still-there")
+"""Fates of failures (`generation.report.regression.Fate`) that `--fail-if` may name"""
+
+
+def limits_and_fates(texts: Sequence[str] | None) -> tuple[tuple[str, ...], list[str]]:
+    """Limits of runs among texts of `--fail-if`, and the other texts.
+
+    Raises:
+        UsageError: a limit is none.
+    """
+    from runner.judging.measures.measure import Limit
+
+    named = [text for text in texts or () if text.strip() in FATES]
+    limits = [text for text in texts or () if text not in named]
+    try:
+        return tuple(Limit.parse(text).text for text in limits), [text.strip() for text in named]
+    except UsageError as error:
+        raise UsageError(f"{error}; with --against also {' or '.join(FATES)}") from None
