@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,7 @@ from xodr.formats.maps.lane_map import (
     heights_on,
     name_of,
     of_network,
+    resampled,
     shifted,
 )
 from xodr.formats.sumo_net import DOCK, LaneTrack, georeference, lift
@@ -69,12 +70,13 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     height = network.header.offset[2]
     if height and network.geo_reference is not None and not notes:
         notes.append(f"the height of the offset, {height:g} m, is left out: SUMO has none")
-    notes += _unplaced(network, passed)
     longest = {lane: max(tracks, key=lambda track: track.length) for lane, tracks in passed.items()}
     lift(root, longest, network)
     _name_types(root, longest, network)
-    notes += _add_stop_lines(root, passed, network)
+    lanes = of_network(network)
+    notes += _add_stop_lines(root, passed, network, lanes)
     bordered = _add_borders(root, passed, network)
+    notes += _add_strips(root, passed, network, lanes)
     if bordered:
         notes.append(
             f"widths or cross slopes of {bordered} lanes change: SUMO has their mean width, their"
@@ -89,47 +91,113 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True), notes
 
 
-def _unplaced(roads: RoadNetwork, passed: Mapping[str, list[LaneTrack]]) -> list[str]:
-    """A sentence on the lanes that no lane of SUMO is; empty where there are none."""
-    placed = {
-        (track.road_id, track.lane_id, _section_of(roads, track).s)
-        for own in passed.values()
-        for track in own
-    }
+def _add_strips(
+    root: etree._Element, passed: Mapping[str, list[LaneTrack]], roads: RoadNetwork, lanes: LaneMap
+) -> Iterator[str]:
+    """Give each lane that no lane of SUMO is an edge of its own, closed to traffic; say which.
+
+    Ways through junctions lead from lane to lane: one that begins or ends inside has none. The
+    links of such lanes are in the parameter `_ONWARD` of the lane before, as SUMO's connections
+    would send traffic over them.
+    """
+    on = _placed(root, passed, roads)
     missing = [
-        f"{road.id}/{number}/{lane.id}"
-        for road in roads.roads.values()
-        for number, section in enumerate(road.sections)
-        for lane in section.lanes.values()
-        if lane.id and lane.type != "none" and (road.id, lane.id, section.s) not in placed
-        and max(map(lane.width, np.linspace(section.s, section.end, 5).tolist())) > NARROW
-    ]  # fmt: skip
-    return [
-        "left out, since SUMO's ways through junctions lead from lane to lane:"
+        name for name, lane in lanes.lanes.items() if name not in on and _mean_width(lane) > NARROW
+    ]
+    if not missing:
+        return
+    # Edges come before lights and junctions, junctions before connections.
+    first = next(child for child in root if child.tag in ("tlLogic", "junction"))
+    last = root.findall("junction")[-1]
+    for name in missing:
+        edge, ends = _strip(f"{_STRIP}{name}", lanes.lanes[name])
+        first.addprevious(edge)
+        for end in ends:
+            last.addnext(end)
+        on[name] = [edge[0]]
+    for name, lane in lanes.lanes.items():
+        onward = [
+            _nearest(on[other], lanes.lanes[other].centre[0], 0, roads.path).get("id", "")
+            for other in lane.successors
+            if on.get(other) and on.get(name) and (name in missing or other in missing)
+        ]
+        if onward:
+            source = _nearest(on[name], lane.centre[-1], -1, roads.path)
+            etree.SubElement(source, "param", key=_ONWARD, value=" ".join(onward))
+    yield (
+        "edges without traffic, since SUMO's ways through junctions lead from lane to lane:"
         f" {' '.join(missing[:_NAMED])}{' …' * (len(missing) > _NAMED)}"
-    ] if missing else []  # fmt: skip
+    )
 
 
+_STRIP, _ONWARD = "strip/", "successors"
+"""Beginning of the ids of edges that no traffic uses, and the parameter of a lane with the lanes
+that follow it without a connection"""
 _NAMED = 10
 """Most lanes that a note names"""
 
 
-def _add_stop_lines(
+def _strip(name: str, lane: MapLane) -> tuple[etree._Element, list[etree._Element]]:
+    """An edge with one lane that is closed to traffic, and its two junctions."""
+    ends = []
+    for end, place, held in (
+        ("end", lane.centre[-1], f"{name}_0"),
+        ("start", lane.centre[0], ""),
+    ):
+        x, y, z = (f"{value:.4f}" for value in place.tolist())
+        about = {"incLanes": held, "intLanes": "", "shape": f"{x},{y}"}
+        ends.append(
+            etree.Element("junction", id=f"{name}/{end}", type="dead_end", x=x, y=y, z=z, **about)
+        )
+    edge = etree.Element("edge", {"id": name, "from": f"{name}/start", "to": f"{name}/end"})
+    speed = _SPEED if lane.limit is None else lane.limit
+    inner = etree.SubElement(
+        edge, "lane", id=f"{name}_0", index="0", disallow="all", speed=f"{speed:.2f}",
+        length=f"{lane.length:.2f}", width=f"{_mean_width(lane):.2f}", shape=_shape(lane.centre),
+        type=lane.type,
+    )  # fmt: skip
+    for key, border in zip(_SIDES, (lane.left, lane.right), strict=True):
+        etree.SubElement(inner, "param", key=key, value=_shape(border))
+    return edge, ends
+
+
+def _mean_width(lane: MapLane) -> float:
+    left, right = (resampled(line, 5)[:, :2] for line in (lane.left, lane.right))
+    return float(np.hypot(*(left - right).T).mean())
+
+
+def _shape(line: Points) -> str:
+    return " ".join(",".join(f"{number:.4f}" for number in point) for point in line.tolist())
+
+
+def _placed(
     root: etree._Element, passed: Mapping[str, list[LaneTrack]], roads: RoadNetwork
-) -> Iterator[str]:
-    """Give lanes the distance of their stop line from their end; say which have none."""
-    stops = of_network(roads).stop_lines
-    if not stops:
-        return
+) -> dict[str, list[etree._Element]]:
+    """The lanes of SUMO by the lanes of roads that they are, wholly or in part."""
     on: dict[str, list[etree._Element]] = defaultdict(list)
     for lane in root.iter("lane"):
         for track in passed.get(lane.get("id", ""), []):
             number = roads.roads[track.road_id].section_index(0.5 * (track.start + track.end))
             on[name_of((track.road_id, number, track.lane_id))].append(lane)
+    return on
+
+
+def _nearest(
+    lanes: Sequence[etree._Element], place: FloatArray, at: int, path: Path
+) -> etree._Element:
+    """The lane whose first (0) or last (-1) point is nearest to a place."""
+    return min(lanes, key=lambda lane: math.dist(_points(lane, "shape", path)[at, :2], place[:2]))
+
+
+def _add_stop_lines(
+    root: etree._Element, passed: Mapping[str, list[LaneTrack]], roads: RoadNetwork, lanes: LaneMap
+) -> Iterator[str]:
+    """Give lanes the distance of their stop line from their end; say which have none."""
+    on = _placed(root, passed, roads) if lanes.stop_lines else {}
     left_out = []
-    for stop in stops:
+    for stop in lanes.stop_lines:
         spot, placed = shapely.LineString(stop.line[:, :2]), False
-        for lane in (lane for name in stop.lanes for lane in on[name]):
+        for lane in (lane for name in stop.lanes for lane in on.get(name, ())):
             line = shapely.LineString(_points(lane, "shape", roads.path)[:, :2])
             # Traffic inside junctions does not stop by it.
             if lane.get("id", "").startswith(":") or line.distance(spot) > _BEFORE:
@@ -164,8 +232,7 @@ def _add_borders(
             continue
         line = _points(lane, "shape", roads.path)
         for key, border in zip(_SIDES, _borders(roads, tracks, line), strict=True):
-            value = " ".join(",".join(f"{number:.4f}" for number in point) for point in border)
-            etree.SubElement(lane, "param", key=key, value=value)
+            etree.SubElement(lane, "param", key=key, value=_shape(border))
         bordered += 1
     return bordered
 
@@ -485,6 +552,12 @@ def _connect(root: etree._Element, lanes: dict[str, MapLane]) -> list[MapSignal]
             lanes[source].successors.append(target)
         if connection.get("tl") and source in lanes and not source.startswith(":"):
             held.setdefault(str(connection.get("tl")), {})[source] = None
+    for lane in root.iter("lane"):
+        for param in lane.iterfind(f"param[@key='{_ONWARD}']"):
+            onward = [name for name in param.get("value", "").split() if name in lanes]
+            source = lanes.get(lane.get("id", ""))
+            if source is not None:
+                source.successors += [name for name in onward if name not in source.successors]
     signals = []
     for light, names in held.items():
         end = lanes[next(iter(names))].right[-1]

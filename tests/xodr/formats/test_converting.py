@@ -595,13 +595,24 @@ def test_a_network_keeps_widths_and_slopes_that_change_and_lanes_without_traffic
         assert difference.heights.largest < 0.05 and difference.types == []
 
 
-def test_a_lane_that_opens_inside_a_junction_is_left_out_of_a_network_by_name(
-    tmp_path: Path,
+@pytest.mark.parametrize("name", ["highway_off_ramp", "highway_on_ramp"])
+def test_a_lane_that_ends_or_opens_inside_a_junction_is_an_edge_without_traffic(
+    name: str, tmp_path: Path
 ) -> None:
-    """SUMO's ways through junctions lead from lane to lane: this one has no lane before it."""
-    made = maps.convert(LIBRARY / "highway_off_ramp.xodr", tmp_path / "map.net.xml")
-    assert any("left out, since SUMO's ways" in note and "101/0/-3" in note for note in made.notes)
-    assert set(made.difference.lost) == {"101/0/-3"}
+    """SUMO's ways through junctions lead from lane to lane: this one has none before or after."""
+    there = maps.convert(LIBRARY / f"{name}.xodr", tmp_path / "map.net.xml")
+    assert any(note.startswith("edges without traffic") and note.endswith(": 101/0/-3")
+               for note in there.notes)  # fmt: skip
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    for difference in (there.difference, compare(there.source, back.result)):
+        assert difference.within > 0.999 and difference.lost == {}
+        assert difference.connections == 16 and difference.connections_lost == []
+    # Nobody is sent there.
+    root = etree.parse(there.path)
+    assert root.xpath("//edge[starts-with(@id, 'strip/')]/lane/@disallow") == ["all"]
+    assert not root.xpath("//connection[contains(@from, 'strip/') or contains(@to, 'strip/')]")
+    drives = maps.drive_connections(there.path)
+    assert drives and not [each for each in drives if each.problem]
 
 
 def test_borders_of_a_lane_that_was_moved_in_a_network_are_left_out(tmp_path: Path) -> None:
@@ -899,6 +910,22 @@ def test_the_page_and_the_picture_have_all_lanes(tmp_path: Path) -> None:
     assert "a &lt;fault&gt;" in page and "http" not in page
     write_picture(made, str(tmp_path / "map.png"))
     assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_faults_are_shown_where_their_road_is(tmp_path: Path) -> None:
+    path = tmp_path / "faults.xodr"
+    text = (LIBRARY / "highway_straight.xodr").read_text(encoding="utf-8")
+    signal = (
+        '<signal id="7" name="" s="{}" t="0" zOffset="0" dynamic="no" orientation="+" type="206"'
+        ' subtype="-1" country="DE" value="-1"/>'
+    )
+    signals = signal.format(20) + signal.format(70)
+    text = text.replace("</lanes>", f"</lanes><signals>{signals}</signals>", 1)
+    path.write_text(text.replace('revMinor="7"', 'revMinor="9"'), encoding="utf-8")
+    located, _ = maps.faults(path)
+    places = [(finding.x, finding.text) for finding in located if "id '7'" in finding.text]
+    assert [x for x, _ in places] == [pytest.approx(70.0, abs=1e-6)]
+    assert places[0][1].startswith("line ")
 
 
 def test_info_says_what_is_there(source: Path) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schemas.common.errors import UsageError
 from xodr.builders.elements import (
     Geo,
     LaneDesign,
@@ -129,10 +130,16 @@ def build(
     graph, plan = layout(Graph(lanelets))
     borders = Borders(graph, plan)
     ends = mouths(borders)
-    shapes = [
-        shape(borders.extended(number), ends[number, False], ends[number, True], tolerance)
-        for number in range(len(plan.bundles))
-    ]
+    shapes = []
+    for number, bundle in enumerate(plan.bundles):
+        start, end = ends[number, False], ends[number, True]
+        try:
+            shapes.append(shape(borders.extended(number), start, end, tolerance))
+        except ValueError as error:  # scipy finds no curve: the ends lie on each other
+            names = " ".join(name for lane in bundle.lanes for name in lane)
+            raise UsageError(
+                f"no road can be made of the lanes {names}, whose ends lie on each other ({error})"
+            ) from None
     return _Builder(graph, plan, shapes).build(name, geo, priorities)
 
 

@@ -13,8 +13,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from lxml import etree
 
 from schemas.common.errors import UsageError
+from schemas.common.xml import parse
+from xodr.formats.lanelet2.signs import number_of
 from xodr.formats.maps.comparing import Distances, MapDifference
 from xodr.formats.maps.comparing import compare as compare_maps
 from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
@@ -23,8 +26,10 @@ from xodr.formats.maps.editing.joining import join
 from xodr.formats.maps.editing.placing import MapMotion, place
 from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.page import MapFinding
 from xodr.formats.maps.projecting import Projector
 from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
+from xodr.graph.network import RoadNetwork
 from xodr.reader import load
 
 __all__ = [
@@ -42,6 +47,7 @@ __all__ = [
     "convert",
     "cut_roads",
     "drive_connections",
+    "faults",
     "format_of",
     "info",
     "join_maps",
@@ -152,6 +158,41 @@ def _furniture(made: LaneMap) -> dict[str, int]:
         "poles": len(made.poles), **made.objects,
     }  # fmt: skip
     return {name: count for name, count in counts.items() if count}
+
+
+def faults(path: str | PathLike[str]) -> tuple[list[MapFinding], list[str]]:
+    """What `xosc-check` finds in an OpenDRIVE file: with a place on the map, and without one."""
+    import schemas
+
+    network, located, elsewhere = load(path), list[MapFinding](), list[str]()
+    tree = parse(Path(path), []).getroot()
+    for problem in schemas.check(path):
+        place = _place(tree, network, problem.element or "")
+        if place is None:
+            elsewhere.append(str(problem))
+        else:
+            text = f"line {problem.line}: {problem.level}: {problem.message}"
+            located.append(MapFinding(*place, text))
+    return located, elsewhere
+
+
+def _place(root: etree._Element, network: RoadNetwork, element: str) -> tuple[float, float] | None:
+    """Where the road of an element is, at its s; None for those of no road."""
+    try:
+        found = root.xpath(element) if element else []
+    except etree.XPathError:  # a text that is no path
+        found = []
+    if not isinstance(found, list) or not found:
+        return None
+    chain = [found[0], *found[0].iterancestors()]
+    road = next((network.roads.get(one.get("id", "")) for one in chain if one.tag == "road"), None)
+    if road is None:
+        return None
+    # Offsets from a section's s are short beside a map: the section is near enough.
+    texts = [one.get("s", "") for one in chain]
+    s = next((value for text in texts if (value := number_of(text)) is not None), 0.0)
+    x, y = road.pose(min(max(s, 0.0), road.length), 0.0)[:2]
+    return x, y
 
 
 def compare(

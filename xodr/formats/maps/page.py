@@ -130,6 +130,7 @@ i{display:inline-block;width:12px;height:12px;border:1px solid #999;margin:0 4px
 vertical-align:middle}
 h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}
 #told{min-height:3em;color:var(--muted)}
+#about p{white-space:pre-wrap;margin:4px 0;font:12px ui-monospace,monospace}
 </style><canvas id="map"></canvas><aside><h1>@TITLE@</h1><div>@LEGEND@</div>
 <label><input type="checkbox" id="arrows" checked> directions</label>
 <label><input type="checkbox" id="links"> connections</label>
@@ -138,7 +139,7 @@ h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}
 <button data-zoom="0.667" aria-label="Further">−</button>
 <button data-zoom="0">whole map</button></p>
 <p id="told" aria-live="polite">Drag to move, turn the wheel to zoom, click a lane.</p>
-@ABOUT@<ul>@LIST@</ul></aside>
+<div id="about">@ABOUT@</div><ul>@LIST@</ul></aside>
 <script type="application/json" id="data">@DATA@</script><script>
 "use strict";
 const data=JSON.parse(document.getElementById("data").textContent),

@@ -239,34 +239,28 @@ def show_command(
     """Draw a map: lanes by type, directions, connections, signals, and what
     xosc-check finds in an OpenDRIVE file.
     """
-    from xodr.formats.maps.files import format_of, read_map
+    from xodr.formats.maps.files import faults, format_of, read_map
 
     if out.exists() and not overwrite:
         raise UsageError("a file is in the way; --overwrite replaces it", path=out)
     kind = format_of(path)
     made = read_map(path, _origin(origin), kind)
-    found = _faults(path) if kind == "opendrive" else []
+    found, elsewhere = faults(path) if kind == "opendrive" else ([], [])
     if out.suffix.lower() in (".html", ".htm"):
         from schemas.common.storage import keep, writing
         from xodr.formats.maps.page import write_page
 
         with writing("the page", out):
-            keep(write_page(made, (), None, found), out)
+            keep(write_page(made, found, None, elsewhere), out)
     elif out.suffix.lower() in (".png", ".svg", ".pdf"):
         from schemas.common.storage import drafted, writing
         from xodr.formats.maps.page import write_picture
 
         with writing("the picture", out), drafted(out) as draft:
-            write_picture(made, str(draft))
+            write_picture(made, str(draft), found)
     else:
         raise UsageError("a page ends in .html, a picture in .png, .svg or .pdf", path=out)
     say(f"{len(made.lanes)} lanes: {out}")
-
-
-def _faults(path: Path) -> list[str]:
-    import schemas
-
-    return [str(problem) for problem in schemas.check(path)]
 
 
 @app.command("cut")
