@@ -161,7 +161,7 @@ def _furniture(made: LaneMap) -> dict[str, int]:
 
 
 def faults(path: str | PathLike[str]) -> tuple[list[MapFinding], list[str]]:
-    """What `xosc-check` finds in an OpenDRIVE file: with a place on the map, and without one."""
+    """Findings of `xosc-check` in an OpenDRIVE file: with a place on the map, and without one."""
     import schemas
 
     network, located, elsewhere = load(path), list[MapFinding](), list[str]()
@@ -177,7 +177,7 @@ def faults(path: str | PathLike[str]) -> tuple[list[MapFinding], list[str]]:
 
 
 def _place(root: etree._Element, network: RoadNetwork, element: str) -> tuple[float, float] | None:
-    """Where the road of an element is, at its s; None for those of no road."""
+    """Place of the road of an element, at its s; None for those of no road."""
     try:
         found = root.xpath(element) if element else []
     except etree.XPathError:  # a text that is no path
