@@ -251,5 +251,5 @@ def test_exit_codes_say_whether_a_failure_counts(
         assert code("--against", str(old), *options) == 1, "nothing is known of what failed"
     with pytest.raises(UsageError, match="--against says where these are"):
         code("--fail-if", "new")
-    with pytest.raises(UsageError, match="one of new, still-there is expected"):
+    with pytest.raises(UsageError, match="with --against also new or still-there"):
         code("--against", str(old), "--fail-if", "old")
