@@ -146,9 +146,8 @@ def _strip(name: str, lane: MapLane) -> tuple[etree._Element, list[etree._Elemen
     ):
         x, y, z = (f"{value:.4f}" for value in place.tolist())
         about = {"incLanes": held, "intLanes": "", "shape": f"{x},{y}"}
-        ends.append(
-            etree.Element("junction", id=f"{name}/{end}", type="dead_end", x=x, y=y, z=z, **about)
-        )
+        here = {"id": f"{name}/{end}", "type": "dead_end", "x": x, "y": y, "z": z}
+        ends.append(etree.Element("junction", here | about))
     edge = etree.Element("edge", {"id": name, "from": f"{name}/start", "to": f"{name}/end"})
     speed = _SPEED if lane.limit is None else lane.limit
     inner = etree.SubElement(
@@ -555,9 +554,9 @@ def _connect(root: etree._Element, lanes: dict[str, MapLane]) -> list[MapSignal]
     for lane in root.iter("lane"):
         for param in lane.iterfind(f"param[@key='{_ONWARD}']"):
             onward = [name for name in param.get("value", "").split() if name in lanes]
-            source = lanes.get(lane.get("id", ""))
-            if source is not None:
-                source.successors += [name for name in onward if name not in source.successors]
+            before = lanes.get(lane.get("id", ""))
+            if before is not None:
+                before.successors += [name for name in onward if name not in before.successors]
     signals = []
     for light, names in held.items():
         end = lanes[next(iter(names))].right[-1]

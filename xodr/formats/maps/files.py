@@ -182,9 +182,10 @@ def _place(root: etree._Element, network: RoadNetwork, element: str) -> tuple[fl
         found = root.xpath(element) if element else []
     except etree.XPathError:  # a text that is no path
         found = []
-    if not isinstance(found, list) or not found:
+    first = found[0] if isinstance(found, list) and found else None
+    if not isinstance(first, etree._Element):
         return None
-    chain = [found[0], *found[0].iterancestors()]
+    chain = [first, *first.iterancestors()]
     road = next((network.roads.get(one.get("id", "")) for one in chain if one.tag == "road"), None)
     if road is None:
         return None
