@@ -6,13 +6,14 @@ For each scenario or variation file of the folders a line: the first element tha
 arrays; or how many of N parameter sets, drawn from those of the variation file or from the limits
 that the scenario's parameters declare, have another verdict, end, contact, place (by 1 mm) or
 measure (by 1e-6 of it) there than in the interpreter, how many the interpreter has to play in any
-case, and processor times.
+case, and processor times. The exit code is 1 where there is a difference.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -184,6 +185,7 @@ def main() -> None:
             line += "".join(f"\n    {each}" for each in found[:3])
         print(f"{path.stem:56} {line}", flush=True)
     print(f"{plays} of {files} files play in arrays; {compared} runs, {wrong} differences")
+    sys.exit(1 if wrong else 0)
 
 
 if __name__ == "__main__":
