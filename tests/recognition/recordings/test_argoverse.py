@@ -102,7 +102,7 @@ def write_log(folder: Path, change: Callable[[dict[str, Any]], None] = lambda ro
     it, and a cyclist with a bicycle.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    turned = {"qw": math.cos(0.25), "qx": 0.0, "qy": 0.0, "qz": math.sin(0.25)}
+    turned = {"qw": math.cos(0.15), "qx": 0.0, "qy": 0.0, "qz": math.sin(0.15)}
     poses = [
         {"timestamp_ns": 315 * 10**15 + 50_000_000 * k, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0,
             "tx_m": 5.0 + 0.5 * k,
@@ -151,9 +151,9 @@ def test_boxes_of_a_log_are_placed_by_the_poses(tmp_path: Path) -> None:
     car, own = recording.tracks["a1"], recording.tracks["AV"]
     assert np.allclose(own.columns["x"], 5.0 + own.columns["time"] * 10.0, atol=0.05)
     assert np.allclose(own.columns["y"], -1.75, atol=0.05)
-    raw = car.columns["raw_x"] + car.box.x * np.cos(0.5)
+    raw = car.columns["raw_x"] + car.box.x * np.cos(0.3)
     assert np.allclose(raw, 25.0 + car.columns["time"] * 10.0) and np.allclose(
-        car.columns["raw_h"], 0.5
+        car.columns["raw_h"], 0.3
     )
     assert car.box.length == 4.0
     assert source.report is not None and [each.what for each in source.report.exclusions] == [

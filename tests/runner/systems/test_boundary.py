@@ -261,7 +261,7 @@ def test_streams_and_command_line_are_its_own(
     [
         ("foreign_systems:Absent", "can't be imported: it has no class 'Absent'"),
         ("foreign_systems:Fine:gain=high", "parameter gain of 'foreign_systems:Fine' is a number"),
-        ("foreign_systems:Fine:lidar=1", "no parameter 'lidar'; there are gain, name"),
+        ("foreign_systems:Fine:lidar=1", "no parameter 'lidar'; there are: gain, name"),
         ("foreign_systems:BUILT", "is not a class"),
         ("ends_import:Anything", "can't be imported: SystemExit"),
         ("foreign_systems.py:Absent", "can't be imported: it has no class 'Absent'"),

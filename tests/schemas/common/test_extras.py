@@ -122,7 +122,8 @@ def test_extras_are_those_of_the_package() -> None:
     core = {re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]}
     assert not core & {DISTRIBUTIONS.get(library, library) for library in _EXTRAS}
     (everything,) = extras["all"]
-    assert set(re.findall(r"\w+", everything)) >= set(_EXTRAS.values())
+    # rtamt brings a library without a wheel: who wants it asks for it.
+    assert set(re.findall(r"\w+", everything)) >= set(_EXTRAS.values()) - {"stl"}
 
 
 @pytest.mark.parametrize(
