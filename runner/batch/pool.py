@@ -11,6 +11,7 @@ extra: it is imported only here.
 
 from __future__ import annotations
 
+import gc
 import itertools
 import logging
 import multiprocessing
@@ -287,6 +288,9 @@ def begin_worker(policy: CommandPolicy, start: str) -> None:
 
     Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.
     """
+    # What the parent left to its collector may hold locks of threads that a fork has not: Ray's
+    # connection would wait for one for ever.
+    gc.freeze()
     multiprocessing.set_start_method(start, force=True)
     # A fork inherits the parent's handlers, which save the batch; workers have nothing to save.
     for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):

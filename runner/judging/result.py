@@ -73,6 +73,12 @@ class Verdict:
         causes: why the run did not test what the file describes.
         criteria: results of the scenario's criteria, in its order.
         evidence: that it tested something; a run without any has not passed.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> verdict = xt.run("xosc/library/cut_in_highway.xosc", sut="adas").verdict
+        >>> print(verdict.outcome, verdict.passed, verdict.failures)
+        passed True ()
     """
 
     failures: tuple[str, ...] = ()

@@ -133,7 +133,16 @@ def _rebuild(
 
 
 class UsageError(ToolchainError):
-    """The call itself is wrong: an unknown option value, entity or parameter name."""
+    """The call itself is wrong: an unknown option value, entity or parameter name.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> try:
+        ...     xt.run("xosc/library/cut_in_highway.xosc", parameters={"Gap_m": "5"})
+        ... except xt.UsageError as error:
+        ...     print(error.message.partition(";")[0], int(error.exit_code))
+        there is no parameter 'Gap_m' to assign 2
+    """
 
     exit_code = ExitCode.USAGE
 
@@ -144,13 +153,33 @@ class NotWritten(UsageError):
 
 
 class InvalidFile(ToolchainError):
-    """A file that is missing, malformed, or breaks its standard."""
+    """A file that is missing, malformed, or breaks its standard.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> characters = Path("page.xosc").write_text("<html/>")
+        >>> try:
+        ...     xt.load("page.xosc")
+        ... except xt.InvalidFile as error:
+        ...     print(error, int(error.exit_code))
+        page.xosc:1: the root element is <html>, OpenSCENARIO or OpenDRIVE is expected 3
+    """
 
     exit_code = ExitCode.INVALID
 
 
 class Unsupported(ToolchainError):
-    """A valid file that asks for something this toolchain does not do, named exactly."""
+    """A valid file that asks for something this toolchain does not do, named exactly.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> try:
+        ...     xt.run("xosc/library/cut_in_highway.xosc", sut="sumo", world="kinematic")
+        ... except xt.Unsupported as error:
+        ...     print(error.message, int(error.exit_code))
+        the kinematic world has no driver of its own for 'Ego'; run on SUMO 4
+    """
 
     exit_code = ExitCode.UNSUPPORTED
 

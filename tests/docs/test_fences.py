@@ -77,6 +77,7 @@ NOT_RUN = {
     ("python -m studies.generation pairs "
     "xosc/library/cut_in_before_braking_leader_highway.xosc --both"): MINUTES,
     "python -m studies.generation planted": MINUTES,
+    "python -m studies.generation limits": MINUTES,
     "xosc-generate xosc/library/cut_in_highway.xosc --sut cas --out edge_cases": MINUTES,
     "xosc-generate catalogue --sut aeb --out edge_cases": MINUTES,
     "xosc-generate SCENARIO --recorded RECORDINGS --kind cut_in --free Ego_Speed_mps ...": OWN,

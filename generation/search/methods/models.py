@@ -98,7 +98,7 @@ def nearness(outcomes: Outcomes, typical: float = _TYPICAL) -> FloatArray:
     # Slower than an exponential: far from a limit there is still a way to it.
     limited = _LIMITED / (1.0 + _TYPICAL * np.maximum(outcomes.margin, 0.0) / typical)
     # Either may lead: a margin that is the same everywhere must not hide collisions.
-    return np.where(outcomes.executed, 1.0 - (1.0 - near) * (1.0 - limited), 0.0)
+    return np.where(outcomes.executed, near + limited * (1.0 - near), 0.0)
 
 
 def scores(outcomes: Outcomes, typical: float = _TYPICAL) -> FloatArray:
