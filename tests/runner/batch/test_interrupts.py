@@ -5,9 +5,11 @@ nothing prints a traceback.
 from __future__ import annotations
 
 import errno
+import gc
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -140,3 +142,28 @@ def test_a_process_started_anew_starts_its_own_as_this_one_does() -> None:
     pool = executor(1, anew=True)  # by "spawn", which leaves semaphores where a process is killed
     assert pool.submit(start_method).result() == multiprocessing.get_start_method()
     dismiss(pool)
+
+
+class Connection:
+    """Something that a collector finds, and that says in which process it was ended."""
+
+    def __init__(self, ends: Path) -> None:
+        self.itself, self.ends = self, ends
+
+    def __del__(self) -> None:
+        (self.ends / str(os.getpid())).touch()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are no forks")
+def test_a_process_leaves_what_it_inherits_to_its_parents_collector(tmp_path: Path) -> None:
+    # Collected in a fork, Ray's connection waits for ever for a thread that the fork has not.
+    gc.disable()
+    try:
+        Connection(tmp_path)
+        with executor(1) as pool:
+            assert pool.submit(gc.collect).result() >= 0
+            assert not [*tmp_path.iterdir()]
+    finally:
+        gc.enable()
+    gc.collect()
+    assert [ended.name for ended in tmp_path.iterdir()] == [str(os.getpid())]

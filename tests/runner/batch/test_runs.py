@@ -86,6 +86,16 @@ def test_the_table_does_not_depend_on_the_number_of_processes(
     )
 
 
+def test_the_table_is_written_with_few_runs_in_memory(
+    files: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runner.batch.outputs.tables._ROWS", 2)
+    written = pq.ParquetFile(run(files, tmp_path / "out"))
+    groups = [written.metadata.row_group(i).num_rows for i in range(written.num_row_groups)]
+    assert groups[:-1] == [2] * (len(groups) - 1) and len(groups) > 1
+    assert sum(groups) == written.metadata.num_rows
+
+
 def test_an_interrupted_batch_has_the_table_of_what_is_done(
     files: list[Path], tmp_path: Path
 ) -> None:
