@@ -24,6 +24,7 @@ from runner.view.replay.player import SceneArea, roads_of, runs_of_scene
 from schemas.common.errors import ToolchainError, UsageError, describe, nearest
 from schemas.common.policy import CommandPolicy, current, limited
 from schemas.common.terminal.files import named
+from schemas.common.terminal.text import finite_number
 from xosc.distributions import ParameterSpace
 from xosc.listing import ListedParameter, listing
 
@@ -190,11 +191,11 @@ def _parameter(declared: ListedParameter, value: str, varied: Sequence[str]) -> 
     # Groups of equalTo alone are a list of values; another rule among them makes it a range.
     if allowed and len(allowed) == sum(map(len, declared.limits)):
         return ExploredParameter(name, CHOICE, value, choices=_with(value, allowed))
-    number = _number(value)
+    number = finite_number(value)
     if kind == TEXT or number is None:
         several = _with(value, varied) if len(varied) > 1 else ()
         return ExploredParameter(name, CHOICE if several else TEXT, value, choices=several)
-    bounds = [found for text in varied if (found := _number(text)) is not None]
+    bounds = [found for text in varied if (found := finite_number(text)) is not None]
     if len(set(bounds)) < 2:
         bounds = _bounds(declared)
     if len(set(bounds)) > 1:
@@ -213,14 +214,6 @@ def _with(value: str, choices: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*choices, *([] if value in choices else [value])]))
 
 
-def _number(text: str) -> float | None:
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
 def _bounds(declared: ListedParameter) -> list[float]:
     """Least and greatest value that constraints allow; fewer than two where a side is open."""
     found: list[float] = []
@@ -229,7 +222,7 @@ def _bounds(declared: ListedParameter) -> list[float]:
             [
                 number
                 for rule, text in group
-                if rule in rules and (number := _number(text)) is not None
+                if rule in rules and (number := finite_number(text)) is not None
             ]
             for group in declared.limits
         ]
@@ -292,7 +285,7 @@ def border(parameter: ExploredParameter, judge: Callable[[Sequence[str]], Sequen
     Raises:
         UsageError: the parameter is no number.
     """
-    at = _number(parameter.value)
+    at = finite_number(parameter.value)
     if parameter.kind not in (NUMBER, WHOLE) or at is None:
         raise UsageError(f"{parameter.name} is no number: a bisection needs one")
     scan = sorted({*parameter.spread(_SCANNED), parameter.text(at)}, key=float)

@@ -26,6 +26,7 @@ from runner.view.page import page, write_page
 from runner.view.replay.player import PAIR, REPLAY, REPORT, TO_REPORT, write_replay
 from schemas.common.errors import InvalidFile, UsageError, reason
 from schemas.common.storage import read_object, read_parquet
+from schemas.common.terminal.text import finite_number
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -321,11 +322,8 @@ def _moment(run: dict[str, Any]) -> float:
 
 def number(value: str) -> float | str:
     """A parameter's value as a number, where it is one."""
-    try:
-        number = float(value)
-    except ValueError:
-        return value
-    return number if math.isfinite(number) else value
+    found = finite_number(value)
+    return value if found is None else found
 
 
 HISTORY = "history.html"

@@ -7,7 +7,6 @@ meanings: what is left unclear is refused by the reader.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from os import PathLike
@@ -17,6 +16,7 @@ from lxml import etree
 
 from schemas.common.errors import ToolchainError
 from schemas.common.remarks import Remark
+from schemas.common.terminal.text import finite_number
 from schemas.common.xml import line_of
 from xodr.model import PERMANENT
 from xodr.reader.elements import (
@@ -48,11 +48,7 @@ class Repair(NamedTuple):
 
 def _value(element: etree._Element, name: str) -> float | None:
     """An attribute as a finite number; None where it is missing or something else."""
-    try:
-        number = float(element.get(name, "nan"))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
+    return finite_number(element.get(name, ""))
 
 
 def _given(element: etree._Element, name: str, fault: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -91,6 +92,15 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return text.isascii() and text == text.strip()
+
+
+def finite_number(text: str) -> float | None:
+    """The number that a text is; None for other texts, and for infinite numbers and NaN."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from schemas.common.array_types import FloatArray
+from schemas.common.terminal.text import finite_number
 from xodr.formats.lanelet2.osm import Osm, Relation
 from xodr.formats.maps.lane_map import MapPole, MapSignal
 
@@ -132,7 +133,7 @@ def poles_of(osm: Osm, points: Mapping[str, tuple[float, float]]) -> Iterator[Ma
     for name, node in osm.nodes.items():
         if node.tags.get("type") == "pole":
             place = (*points[name], node.height)
-            height = number_of(node.tags.get("height", "0"))
+            height = finite_number(node.tags.get("height", "0"))
             yield MapPole(node.tags.get("name") or name, place, height or 0.0)
     for way in osm.ways.values():
         if way.tags.get("type") == "pole" and way.nodes:
@@ -142,21 +143,12 @@ def poles_of(osm: Osm, points: Mapping[str, tuple[float, float]]) -> Iterator[Ma
             yield MapPole(way.tags.get("name") or way.id, place, max(heights) - min(heights))
 
 
-def number_of(text: str) -> float | None:
-    """A finite number, None for other texts."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
 def _meaning(rule: Relation, subtype: str) -> tuple[str, str, str, float | None, str]:
     own = {
         name: rule.tags.get(_PREFIX + name, "") for name in ("type", "subtype", "country", "unit")
     }
     text = rule.tags.get(_PREFIX + "value")
-    value = number_of(text) if text is not None else None
+    value = finite_number(text) if text is not None else None
     if text is not None and value is None:
         raise rule.invalid(f"{_PREFIX}value={text!r} is no finite number")
     if own["type"]:

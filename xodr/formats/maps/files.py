@@ -16,8 +16,8 @@ import numpy as np
 from lxml import etree
 
 from schemas.common.errors import UsageError
+from schemas.common.terminal.text import finite_number
 from schemas.common.xml import parse
-from xodr.formats.lanelet2.signs import number_of
 from xodr.formats.maps.comparing import Distances, MapDifference
 from xodr.formats.maps.comparing import compare as compare_maps
 from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
@@ -191,7 +191,7 @@ def _place(root: etree._Element, network: RoadNetwork, element: str) -> tuple[fl
         return None
     # Offsets from a section's s are short beside a map: the section is near enough.
     texts = [one.get("s", "") for one in chain]
-    s = next((value for text in texts if (value := number_of(text)) is not None), 0.0)
+    s = next((value for text in texts if (value := finite_number(text)) is not None), 0.0)
     x, y = road.pose(min(max(s, 0.0), road.length), 0.0)[:2]
     return x, y
 
