@@ -127,8 +127,8 @@ def _event(title: str, time: str, path: Path, line: int) -> Event:
 
 
 def precision_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[Case]:
-    """Return whether each judged finding is right; unclear counts as wrong. One whose class was
-    hidden is right if the reviewer says the same class."""
+    """Return whether each judged finding is right; unclear counts as wrong. A finding with
+    a hidden class is right if the reviewer names that class."""
     cases = []
     for number, verdict in sorted(answers.verdicts.items()):
         item, finding = items[number], items[number]["finding"]

@@ -144,7 +144,7 @@ Selection = Mapping[str, frozenset[tuple[str, str]]]
 """Folders and names of the scenarios that are wanted of each recording, by its name"""
 
 _PART = 50
-"""Recordings whose findings are held at a time"""
+"""Number of recordings with findings in memory at a time"""
 _EPISODES = 25
 """Scenarios of a recording that are written at a time"""
 _READ = 0.5

@@ -1,8 +1,8 @@
 """Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as
 `xosc-run --out` writes them.
 
-The road network is the file that the run was on, where it is still there. Weather, daylight and
-surface are those that the scenario's first EnvironmentAction sets.
+The road network is the file that the run was on, where it is still there. The scenario's
+first EnvironmentAction gives weather, daylight and surface.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def _is_wide(one: Mapping[str, Any]) -> bool:
 
 
 def _names(keys: Any) -> dict[str, str]:
-    """Short names of tracks: ids of nuScenes have 32 digits, and their first tell them apart."""
+    """Short names of tracks: the first 8 of the 32 digits of a nuScenes id, where they suffice."""
     listed = [*keys]
     counts = Counter(key[:_SHORT] for key in listed)
     return {key: key[:_SHORT] if counts[key[:_SHORT]] == 1 else key for key in listed}

@@ -159,9 +159,7 @@ def keep_lane(drive: Drive) -> CriterionFinding:
 
 def _to_marking(drive: Drive, places: Places, rows: np.ndarray) -> float:
     """Least distance (m) of some places to the borders of their lanes; infinite without places."""
-    widths = {
-        road_id: drive.network.roads[road_id] for road_id in set(places.road_id[rows].tolist())
-    }
+    roads = drive.network.roads
     at = zip(
         *(
             column[rows].tolist()
@@ -169,10 +167,10 @@ def _to_marking(drive: Drive, places: Places, rows: np.ndarray) -> float:
         ),
         strict=True,
     )
-    # Off all lanes there is no border, and lane 0 has no width.
+    # A place off all lanes has lane 0, which has no borders.
     return min(
         (
-            widths[road_id].lane_width(min(max(s, 0.0), widths[road_id].length), lane_id) / 2.0
+            roads[road_id].lane_width(min(max(s, 0.0), roads[road_id].length), lane_id) / 2.0
             - abs(offset)
             for road_id, s, lane_id, offset in at
             if lane_id
