@@ -75,7 +75,7 @@ class StoredEncoder:
         config = read_object(path)
         if config.get("reads") != TOKENS:
             return None
-        weights = _weights(folder / WEIGHTS)
+        weights = read_weights(folder / WEIGHTS)
         try:
             if config["format"] != FORMAT:
                 raise ValueError(f"its format is {config['format']!r}, {FORMAT!r} is expected")
@@ -92,7 +92,7 @@ class StoredEncoder:
                 )
         except (ArithmeticError, ValueError, TypeError, KeyError, ToolchainError) as error:
             raise InvalidFile(f"this describes no encoder: {reason(error)}", path=path) from None
-        _require_shapes(_shapes(architecture, view, len(classes)), weights, folder / WEIGHTS)
+        require_shapes(_shapes(architecture, view, len(classes)), weights, folder / WEIGHTS)
         files = {name: read_bytes(folder / name) for name in (CONFIG, WEIGHTS)}
         return cls(architecture, view, classes, files, weights)
 
@@ -229,14 +229,20 @@ def _shapes(
     return found
 
 
-def _weights(path: Path) -> Weights:
+def read_weights(path: Path) -> Weights:
+    """Read the weights of an encoder by name, in single precision.
+
+    Raises:
+        InvalidFile: the file is missing, truncated, or holds anything but finite numbers.
+    """
     from safetensors import SafetensorError
     from safetensors.numpy import load_file
 
     current().admit(path)
     try:
         weights = load_file(path)
-    except (OSError, SafetensorError) as error:
+    # numpy has no name for some kinds of numbers that the format has, such as bfloat16.
+    except (OSError, SafetensorError, TypeError, AttributeError) as error:
         raise InvalidFile(f"these are no weights: {reason(error)}", path=path) from None
     for name, value in weights.items():
         if not np.issubdtype(value.dtype, np.floating) or not np.isfinite(value).all():
@@ -245,17 +251,22 @@ def _weights(path: Path) -> Weights:
     return {name: value.astype(np.float32) for name, value in weights.items()}
 
 
-def _require_shapes(shapes: Mapping[str, tuple[int, ...]], weights: Weights, path: Path) -> None:
-    """Refuse weights that are not of all these names and shapes."""
-    for name in sorted(shapes.keys() ^ weights.keys()):
-        which = "lack" if name in shapes else "have besides"
-        raise InvalidFile(
-            f"these are not the weights of this encoder: they {which} {name}", path=path
-        )
+def require_shapes(shapes: Mapping[str, tuple[int, ...]], weights: Weights, path: Path) -> None:
+    """Check that weights have all these names and shapes, and no others.
+
+    Raises:
+        InvalidFile: they have not.
+    """
+    wrong = "these are not the weights of this encoder: "
+    for found, names in (
+        ("lack", shapes.keys() - weights.keys()),
+        ("have besides", weights.keys() - shapes.keys()),
+    ):
+        if names:
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            raise InvalidFile(f"{wrong}they {found} {min(names)}{more}", path=path)
     for name, value in weights.items():
         if value.shape != shapes[name]:
             raise InvalidFile(
-                f"these are not the weights of this encoder: {name} is of shape {value.shape}, "
-                f"not {shapes[name]}",
-                path=path,
+                f"{wrong}{name} is of shape {value.shape}, not {shapes[name]}", path=path
             )

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from recognition.trfe.encoder.config import Architecture, Sizes, TokenArchitecture
-from recognition.trfe.encoder.inference import CONFIG, FORMAT, TOKENS, WEIGHTS
+from recognition.trfe.encoder.inference import (
+    CONFIG,
+    FORMAT,
+    TOKENS,
+    WEIGHTS,
+    Weights,
+    read_weights,
+    require_shapes,
+)
 from recognition.trfe.encoder.model import Encoder, untrained
 from recognition.trfe.encoder.training import deterministic, device, mixed
 from recognition.trfe.inputs.grids import Grid
@@ -26,7 +34,6 @@ from schemas.common.errors import InvalidFile, ToolchainError, reason
 from schemas.common.storage import keep, read_object, writing
 
 _GRIDS = "grids"
-Tensors = dict[str, torch.Tensor]
 
 
 def save(encoder: Encoder, folder: Path) -> None:
@@ -65,9 +72,9 @@ def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encod
         InvalidFile: a file is missing, truncated, or not an encoder's.
     """
     path = folder / WEIGHTS
-    weights = _weights(path)
+    weights = read_weights(path)
     encoder = _untrained(folder / CONFIG, weights, path, architecture)
-    encoder.load_state_dict(weights)
+    encoder.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
     return encoder.to(device()).eval()
 
 
@@ -85,21 +92,7 @@ def _smallest(value: torch.Tensor) -> torch.Tensor:
     return half if torch.equal(half.to(value.dtype), value) else value
 
 
-def _weights(path: Path) -> Tensors:
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
-
-    try:
-        weights = load_file(path)
-    except (OSError, SafetensorError) as error:
-        raise InvalidFile(f"these are no weights: {reason(error)}", path=path) from None
-    for name, value in weights.items():
-        if not value.is_floating_point() or not torch.isfinite(value).all():
-            raise InvalidFile(f"the weights {name} are not finite numbers", path=path)
-    return weights
-
-
-def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture]) -> Encoder:
+def _untrained(path: Path, weights: Weights, of: Path, kind: type[Architecture]) -> Encoder:
     """The encoder that a file describes. It takes memory only if these weights, `of` another file,
     are of its shapes."""
     config = read_object(path)
@@ -134,30 +127,8 @@ def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture])
         ToolchainError,
     ) as error:
         raise InvalidFile(f"this describes no encoder: {reason(error)}", path=path) from None
-    _require_shapes(shapes, weights, of)
+    require_shapes({name: tuple(value.shape) for name, value in shapes.items()}, weights, of)
     return untrained(architecture, view, classes)
-
-
-def _require_shapes(shapes: Tensors, weights: Tensors, path: Path) -> None:
-    """Refuse weights that are not of all these names and shapes."""
-    for found, names in (
-        ("lack", shapes.keys() - weights.keys()),
-        ("have besides", weights.keys() - shapes.keys()),
-    ):
-        if names:
-            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            raise InvalidFile(
-                f"these are not the weights of this encoder: they {found} {min(names)}{more}",
-                path=path,
-            )
-    for name, value in weights.items():
-        if value.shape != shapes[name].shape:
-            shape, expected = tuple(value.shape), tuple(shapes[name].shape)
-            raise InvalidFile(
-                f"these are not the weights of this encoder: {name} is of shape "
-                f"{shape}, not {expected}",
-                path=path,
-            )
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:

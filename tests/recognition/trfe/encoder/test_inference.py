@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from safetensors import torch as torch_weights
 from safetensors.numpy import load_file, save_file
 
 from recognition.catalogue.pipeline import SHIPPED
 from recognition.trfe.encoder.config import Architecture, TokenArchitecture
 from recognition.trfe.encoder.inference import StoredEncoder
 from recognition.trfe.encoder.model import untrained
-from recognition.trfe.encoder.storage import save
+from recognition.trfe.encoder.storage import load, save
 from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.inputs.tokens import Tokens
 from recognition.trfe.trfe import features_of
@@ -107,6 +108,18 @@ def test_weights_that_do_not_fit_are_named(
     save_file(weights, folder / "encoder.safetensors")
     with pytest.raises(InvalidFile, match=message):
         read(folder)
+
+
+@pytest.mark.parametrize("kind", [torch.bfloat16, torch.float8_e4m3fn])
+@pytest.mark.parametrize("reader", [read, load])
+def test_numbers_that_numpy_does_not_have_are_no_weights(
+    folder: Path, kind: torch.dtype, reader: Callable[[Path], object]
+) -> None:
+    weights = torch_weights.load_file(folder / "encoder.safetensors")
+    weights["time"] = weights["time"].to(kind)
+    torch_weights.save_file(weights, folder / "encoder.safetensors")
+    with pytest.raises(InvalidFile, match=r"these are no weights: .*float"):
+        reader(folder)
 
 
 @pytest.mark.parametrize(
