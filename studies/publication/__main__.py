@@ -27,7 +27,7 @@ from studies.publication.results import (
     write_journal,
     written,
 )
-from studies.publication.stages import SCALES, run, stages
+from studies.publication.stages import SCALES, FailedStage, run, stages
 
 NAME = "python -m studies.publication"
 app = new_app()
@@ -78,25 +78,30 @@ def publication(
     for name in only or ():
         if name not in names:
             raise UsageError(f"there is no stage {name!r}; stages: {', '.join(names)}")
+    failed: FailedStage | None = None
     if not page_only:
         with interruptible(NAME, "the same command goes on where it was"):
             chosen = [stage for stage in found if not only or stage.name in only]
             journal = read_journal(out)
-            done = [
-                stage.name
+            left = [
+                stage
                 for stage in chosen
-                if stage.name in journal and journal[stage.name].command == written(stage, out)
+                if stage.name not in journal or journal[stage.name].command != written(stage, out)
             ]
-            for stage, seconds, processor in run([one for one in chosen if one.name not in done]):
-                journal[stage.name] = entry(stage, out, seconds, processor)
-                write_journal(journal.values(), out)
-                print(
-                    f"{stage.name}: {seconds:.0f} s, processor time {processor:.0f} s", flush=True
-                )
+            try:
+                for stage, seconds, processor in run(left):
+                    journal[stage.name] = entry(stage, out, seconds, processor)
+                    write_journal(journal.values(), out)
+                    spent = f"{seconds:.0f} s, processor time {processor:.0f} s"
+                    print(f"{stage.name}: {spent}", flush=True)
+            except FailedStage as error:
+                failed = error  # raised below: what the others made is kept
         publish(found, out, results / scale)
     pictures.write(finding(results), page.parent / pictures.FOLDER)
     keep(text(results).encode(), page)
     print(page)
+    if failed is not None:
+        raise failed
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from studies.publication.pictures import FOLDER, PICTURES
 from studies.publication.results import Entry, read_journal, read_table
-from studies.publication.stages import GEOMETRIES, SCALES
+from studies.publication.stages import GEOMETRIES, OWN_RECORDINGS, SCALES
 
 HERE = Path(__file__).parent
 PAGE = HERE.parents[1] / "docs" / "publication.md"
@@ -21,10 +21,15 @@ _INTRODUCTION = """\
 
 This page is generated from the result files in `studies/results`: `python -m studies.publication`
 makes both, `--page-only` the page alone. Edit neither by hand.
-
+"""
+_ON_SUMO = """\
 **Rows of ours can't be compared with published ones.** The publication was measured on highD and
 INTERACTION with CARLA, ours on SUMO's traffic on our own maps, recorded in the formats of both. Who
 has those recordings gives their folder with `--recordings`, and gets the rows on them.
+"""
+_ON_OWN = """\
+Our rows are of the recordings that the commands below name. Those of generation were run on SUMO,
+or kinematically, and the published ones on CARLA.
 """
 _SMALLEST = """\
 Tables that say *smallest settings* have one seed, {events} windows of each class, {budget} runs a
@@ -72,6 +77,7 @@ def text(results: Path) -> str:
     paragraphs = {"full": _FULL, "middle": _MIDDLE, "smallest": _SMALLEST}
     parts = [
         _INTRODUCTION,
+        _ON_OWN if any(OWN_RECORDINGS in journal for journal in journals.values()) else _ON_SUMO,
         *(
             paragraphs[scale].format(**SCALES[scale]._asdict())
             for scale in _MARKS

@@ -48,6 +48,10 @@ _PARTS = ("pooled", "supervised-forest", "all-candidates")
 of candidates"""
 
 
+OWN_RECORDINGS = "units"
+"""Stage that there is with recordings of one's own alone"""
+
+
 class FailedStage(ToolchainError):
     """A command of a stage that ended with another exit code than 0."""
 
@@ -128,26 +132,37 @@ def stages(scale: Scale, work: Path, recordings: Path | None = None) -> list[Sta
     Args:
         scale: the settings.
         work: folder of all that the stages make.
-        recordings: folder in the formats of highD and INTERACTION; None records SUMO's traffic.
+        recordings: folder in the formats of highD and INTERACTION, whose manoeuvres are what
+            searches start from; None records SUMO's traffic, and takes those that are shipped.
     """
-    found = []
+    found, recorded = [], tuple[str, ...]()
     if recordings is None:
         recordings = work / "recordings"
         found.append(Stage("recordings", _recorded(scale, recordings)))
+    else:
+        units = work / "units.parquet"
+        found.append(Stage(OWN_RECORDINGS, _units(recordings, units)))
+        recorded = ("--recorded", str(units))
     for name, preset in (("published", scale.grids), ("shipped", "tokens")):
         out = work / name
         found.append(Stage(name, _protocol(scale, recordings, out, preset), out / "tables"))
     if scale.densities:
         out = work / "densities"
-        found.append(Stage("densities", _densities(out), out / "tables"))
+        found.append(Stage("densities", _densities(out, recorded), out / "tables"))
     for scenario in ("cut_in_highway", *GEOMETRIES):
         out = work / scenario
-        found.append(Stage(scenario, _searched(scale, scenario, out), out / "tables"))
+        command = _searched(scale, scenario, out, recorded)
+        found.append(Stage(scenario, command, out / "tables"))
     return found
 
 
 def _recorded(scale: Scale, out: Path) -> tuple[str, ...]:
     return ("recognition.xosc_recognize", "record", str(out), *scale.recorded, "-q")
+
+
+def _units(recordings: Path, out: Path) -> tuple[str, ...]:
+    """Manoeuvres of recordings, as parameters."""
+    return ("studies.generation", "reconstruction", str(recordings), "--out", str(out))
 
 
 def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[str, ...]:
@@ -162,12 +177,12 @@ def _protocol(scale: Scale, recordings: Path, out: Path, preset: str) -> tuple[s
     )
 
 
-def _densities(out: Path) -> tuple[str, ...]:
+def _densities(out: Path, recorded: Sequence[str]) -> tuple[str, ...]:
     scenario = (LIBRARY / "cut_in_highway.xosc").as_posix()
-    return ("studies.generation", "densities", scenario, "--out", str(out), *_PINNED)
+    return ("studies.generation", "densities", scenario, "--out", str(out), *_PINNED, *recorded)
 
 
-def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
+def _searched(scale: Scale, scenario: str, out: Path, recorded: Sequence[str]) -> tuple[str, ...]:
     """All methods on highway cut ins (table 5), MCSG as published and draws
     elsewhere (figure 8).
     """
@@ -180,6 +195,7 @@ def _searched(scale: Scale, scenario: str, out: Path) -> tuple[str, ...]:
         *("--out", str(out), "--budget", str(scale.budget), "--seeds", str(scale.searches)),
         "--quiet",
         *(_PINNED if seven else ()),
+        *recorded,
         "--no-likelihoods",
         *_without_figures(scale),
         *(part for name in few for part in ("--methods", name)),
@@ -194,14 +210,19 @@ def run(chosen: Sequence[Stage]) -> Iterator[tuple[Stage, float, float]]:
     """Run stages; each is given back with its time (s) and the processor time of its processes.
 
     Raises:
-        FailedStage: a command fails; what it says stands on standard error.
+        FailedStage: commands failed, after all others have run; what they say stands on standard
+            error.
     """
+    failed = []
     for stage in chosen:
         start, before = monotonic(), _processor_time()
         ended = subprocess.run([sys.executable, "-m", *stage.command], check=False)
         if ended.returncode:
-            raise FailedStage(f"the stage {stage.name} ended with exit code {ended.returncode}")
-        yield stage, monotonic() - start, _processor_time() - before
+            failed.append(f"the stage {stage.name} ended with exit code {ended.returncode}")
+        else:
+            yield stage, monotonic() - start, _processor_time() - before
+    if failed:
+        raise FailedStage("; ".join(failed))
 
 
 def _processor_time() -> float:

@@ -20,7 +20,8 @@ from generation.space.space import Space
 from schemas.common.errors import InvalidFile
 from studies.publication import __main__ as command
 from studies.publication import page, pictures, results
-from studies.publication.stages import SCALES, FailedStage, Stage, run, stages
+from studies.publication.stages import SCALES, Stage, stages
+from tests.studies.publication.extracts import write_highd, write_interaction
 
 SCALE = "smallest"
 RESULTS = results.RESULTS
@@ -51,9 +52,40 @@ def test_each_stage_is_a_command_with_options_that_exist(scale: str, tmp_path: P
 
 
 def test_recordings_of_ones_own_take_the_place_of_sumos(tmp_path: Path) -> None:
-    own = stages(SCALES[SCALE], tmp_path, tmp_path / "highd")
-    assert "recordings" not in [stage.name for stage in own]
-    assert str(tmp_path / "highd") in own[0].command
+    units, published, *others = stages(SCALES["full"], tmp_path, tmp_path / "highd")
+    assert "recordings" not in [stage.name for stage in others]
+    assert str(tmp_path / "highd") in units.command and str(tmp_path / "highd") in published.command
+    for stage in others[1:]:
+        place = stage.command.index("--recorded")
+        assert stage.command[place + 1] == str(tmp_path / "units.parquet") == units.command[-1]
+
+
+@pytest.mark.slow
+def test_extracts_of_highd_and_interaction_give_tables_of_their_own(
+    call: Callable[..., int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    write_highd(tmp_path / "own" / "highD" / "data", range(1, 7))
+    write_interaction(tmp_path / "own" / "INTERACTION", range(6))
+    few = SCALES[SCALE]._replace(rows=("trfe", "random"))
+    monkeypatch.setitem(SCALES, SCALE, few)
+    made, shown = ("units", "published", "merging_highway"), tmp_path / "page.md"
+    chosen = [part for name in made for part in ("--only", name)]
+    own = ("--recordings", str(tmp_path / "own"))
+    assert call("--smallest", *own, *chosen, "--page", str(shown)) == 0
+
+    def rows(stage: str, name: str) -> list[list[str]]:
+        return results.read_table(tmp_path / "results" / SCALE / stage / f"{name}.csv")[1:]
+
+    motorway, junction = (1, 2, 3, 4, 5, 6), (14, 15, 16)
+    assert [int(row[0]) for row in rows("published", "data")] == [*motorway, *junction]
+    ours, least = (float(row[1]) for row in rows("published", "open-set"))
+    assert ours > least
+    # Cut ins of these recordings, of six in each, in the place of the shipped ones.
+    ((manoeuvres, *_),) = rows("merging_highway", "reconstruction")
+    assert 30 <= int(manoeuvres) <= 36
+    text = shown.read_text(encoding="utf-8")
+    assert "Our rows are of the recordings that the commands below name" in text
+    assert "SUMO's traffic" not in text
 
 
 def test_a_stage_is_run_again_only_where_its_command_is_another(
@@ -74,9 +106,26 @@ def test_a_stage_is_run_again_only_where_its_command_is_another(
     assert "`python -m platform --terse`" in (tmp_path / "page.md").read_text(encoding="utf-8")
 
 
-def test_a_stage_that_fails_ends_the_command_and_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FailedStage, match="the stage shipped ended with exit code 1"):
-        list(run([Stage("shipped", ("no_such_module_anywhere",))]))
+def test_stages_that_fail_are_named_once_the_others_are_made(
+    call: Callable[..., int],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    missing = ("no_such_module_anywhere",)
+    made = [
+        Stage("published", missing),
+        Stage("recordings", ("platform",)),
+        Stage("shipped", missing),
+    ]
+    monkeypatch.setattr(command, "stages", lambda *_: made)
+    shown = tmp_path / "page.md"
+    assert call("--smallest", "--page", str(shown)) == 5
+    assert (
+        "the stage published ended with exit code 1; the stage shipped ended with exit code 1"
+        in capfd.readouterr().err
+    )
+    assert "`python -m platform`" in shown.read_text(encoding="utf-8")
 
 
 def test_two_scales_at_once_are_refused(
