@@ -178,7 +178,7 @@ class ParamPoly3:
         ValueError: the curve has no length, or is so long or wild that it can't be tabulated.
     """
 
-    __slots__ = ("_h", "_ps", "_scale", "_slopes", "_ss", "_xs", "_ys", "length")
+    __slots__ = ("_h", "_ps", "_quintics", "_scale", "_ss", "_xs", "_ys", "length")
 
     def __init__(self, start: Start, u: Sequence[float], v: Sequence[float], p_end: float) -> None:
         cos, sin = math.cos(start.h), math.sin(start.h)
@@ -219,15 +219,24 @@ class ParamPoly3:
         )
 
     def knots(self) -> list[float]:
-        """Evenly spaced; the number is that of the arc-length table, which is denser where the
-        curve bends."""
-        count = _pieces(max(len(self._ss) - 1, self.length / 20.0))
+        """Evenly spaced; at least as many as the arc-length table has, which is denser where the
+        parameter runs unevenly."""
+        headings = [self.at(s / self._scale)[2] for s in self._ss]
+        turning = sum(abs(after - before) for before, after in pairwise(headings))
+        count = _pieces(max(len(self._ss) - 1, self.length / 20.0, turning / 0.3))
         return [self.length * index / count for index in range(count + 1)]
 
-    def _speed(self, p: float) -> float:
+    def _rates(self, p: float) -> tuple[float, float]:
+        """First and second derivative of the parameter by the arc length; 0 where the curve stops,
+        as at a cusp."""
         _, b, c, d = self._xs
         _, f, g, i = self._ys
-        return math.hypot(b + p * (2.0 * c + 3.0 * p * d), f + p * (2.0 * g + 3.0 * p * i))
+        dx, dy = b + p * (2.0 * c + 3.0 * p * d), f + p * (2.0 * g + 3.0 * p * i)
+        speed = math.hypot(dx, dy)
+        if not speed > 1e-9:
+            return 0.0, 0.0
+        along = dx * (2.0 * c + 6.0 * p * d) + dy * (2.0 * g + 6.0 * p * i)
+        return 1.0 / speed, -along / speed**4
 
     def _arc_length(self, start: float, end: float) -> float:
         # Called hundreds of times for each element: written out, without calls of its own.
@@ -241,33 +250,31 @@ class ParamPoly3:
         return span * total
 
     def _tabulate(self, p_end: float) -> None:
-        """Cut [0, p_end] until the quadrature is exact and p is a cubic of the arc length between
+        """Cut [0, p_end] until the quadrature is exact and p is a quintic of the arc length between
         the knots."""
-        self._ss, self._ps, self._slopes = [0.0], [0.0], [_inverse(self._speed(0.0))]
-        # Ends of the pieces that are left, with their lengths by one quadrature each.
-        todo = [(p_end, self._arc_length(0.0, p_end))]
+        self._ss, self._ps, self._quintics = [0.0], [0.0], []
+        before = self._rates(0.0)
+        # Ends of the pieces that are left, with their lengths by one quadrature each, and p's
+        # rates of change there.
+        todo = [(p_end, self._arc_length(0.0, p_end), self._rates(p_end))]
         while todo:
-            start, (end, whole) = self._ps[-1], todo[-1]
+            start, (end, whole, after) = self._ps[-1], todo[-1]
             middle = 0.5 * (start + end)
             first, second = self._arc_length(start, middle), self._arc_length(middle, end)
-            halves = first + second
-            slope = _inverse(self._speed(end))
-            guess = _hermite(
-                start,
-                end,
-                self._slopes[-1] * halves,
-                slope * halves,
-                first / halves if halves else 0.0,
-            )
-            exact = abs(whole - halves) < 1e-9 and abs(guess - middle) * self._speed(middle) < 1e-7
-            if exact or end - start < 1e-6 * p_end:
+            halves, rates = first + second, self._rates(middle)
+            quintic = _quintic(end - start, before, after, halves)
+            away = start + _rise(quintic, first / halves if halves else 0.0) - middle
+            exact = abs(whole - halves) < 1e-9 and abs(away) < 1e-7 * rates[0]
+            if exact or halves < 1e-9 or end - start < 1e-6 * p_end:
                 self._ss.append(self._ss[-1] + halves)
                 self._ps.append(end)
-                self._slopes.append(slope)
+                # No polynomial fits a cusp or a halt; p then grows evenly.
+                self._quintics.append(quintic if exact else (end - start, 0.0, 0.0, 0.0, 0.0))
+                before = after
                 todo.pop()
             else:
-                todo[-1] = end, second
-                todo.append((middle, first))
+                todo[-1] = end, second, after
+                todo.append((middle, first, rates))
             if len(self._ss) > MAX_PIECES:
                 raise ValueError("the polynomials are too long or too wild to be followed")
 
@@ -278,23 +285,18 @@ class ParamPoly3:
         start, middle = self._ps[kept], 0.5 * (self._ps[kept] + p)
         rest = self._arc_length(start, middle) + self._arc_length(middle, p)
         self._ss[kept + 1 :], self._ps[kept + 1 :] = [self._ss[kept] + rest], [p]
-        self._slopes[kept + 1 :] = [_inverse(self._speed(p))]
+        self._quintics[kept:] = [_quintic(p - start, self._rates(start), self._rates(p), rest)]
         self._scale = self._ss[-1] / self.length
 
     def parameter(self, s: float) -> float:
         """Curve parameter p at the curve's true arc length s, by Hermite interpolation in the
         table."""
-        index = min(max(bisect_right(self._ss, s), 1), len(self._ss) - 1)
-        start, end = self._ss[index - 1], self._ss[index]
-        span = end - start
+        index = min(max(bisect_right(self._ss, s), 1), len(self._ss) - 1) - 1
+        start = self._ss[index]
+        span = self._ss[index + 1] - start
         x = min(max((s - start) / span, 0.0), 1.0) if span else 0.0
-        return _hermite(
-            self._ps[index - 1],
-            self._ps[index],
-            self._slopes[index - 1] * span,
-            self._slopes[index] * span,
-            x,
-        )
+        b, c, d, e, f = self._quintics[index]
+        return self._ps[index] + x * (b + x * (c + x * (d + x * (e + x * f))))
 
 
 def poly3(start: Start, v: Sequence[float]) -> ParamPoly3:
@@ -373,17 +375,29 @@ class ReferenceLine:
         return x + (s - border) * math.cos(h), y + (s - border) * math.sin(h), h
 
 
-def _inverse(speed: float) -> float:
-    return 1.0 / speed if speed > 1e-9 else 0.0
+_Quintic = tuple[float, float, float, float, float]
+"""Coefficients of x to x⁵, for x from 0 to 1"""
 
 
-def _hermite(a: float, b: float, slope_a: float, slope_b: float, x: float) -> float:
-    """Cubic through a and b with the given slopes, at x in [0, 1]."""
-    change = b - a
-    return a + x * (
-        slope_a
-        + x * (3.0 * change - 2.0 * slope_a - slope_b + x * (slope_a + slope_b - 2.0 * change))
+def _quintic(
+    change: float, before: tuple[float, float], after: tuple[float, float], length: float
+) -> _Quintic:
+    """Quintic that rises by a change over a length, with its first and second derivatives at both
+    ends."""
+    square = length * length
+    b, c, slope, bend = before[0] * length, before[1] * square, after[0] * length, after[1] * square
+    return (
+        b,
+        0.5 * c,
+        10.0 * change - 6.0 * b - 4.0 * slope - 1.5 * c + 0.5 * bend,
+        -15.0 * change + 8.0 * b + 7.0 * slope + 1.5 * c - bend,
+        6.0 * change - 3.0 * (b + slope) + 0.5 * (bend - c),
     )
+
+
+def _rise(quintic: _Quintic, x: float) -> float:
+    b, c, d, e, f = quintic
+    return x * (b + x * (c + x * (d + x * (e + x * f))))
 
 
 def _pieces(count: float) -> int:

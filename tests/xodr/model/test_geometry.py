@@ -118,6 +118,28 @@ def test_a_parametric_cubic_is_followed_by_arc_length() -> None:
     assert curve.curvature(0.0) == pytest.approx(0.01)
 
 
+def test_a_parametric_cubic_needs_few_pieces_and_turns_little_between_its_knots() -> None:
+    """A file of such curves takes as long to load as its tables are long."""
+    curve = turn(math.pi / 2, 20.0)
+    assert len(curve._ss) <= 13  # 59 with cubics
+    for p in (0.1, 0.37, 0.5, 0.93):
+        total = curve._arc_length(0.0, 1.0)
+        part = sum(curve._arc_length(p * i / 64, p * (i + 1) / 64) for i in range(64))
+        assert curve.parameter(part) * total == pytest.approx(p * total, abs=1e-6)
+    curve = turn(math.radians(70.0), 3.0)
+    headings = [curve.at(ds)[2] for ds in curve.knots()]
+    assert all(0.0 < after - before < 0.32 for before, after in pairwise(headings))
+
+
+def turn(angle: float, radius: float) -> ParamPoly3:
+    """A left turn as the cubic with the ends, directions and length of an arc."""
+    length, ahead, aside = angle * radius, math.sin(angle), math.cos(angle)
+    x, y = radius * ahead, radius * (1.0 - aside)
+    u = (0.0, length, 3.0 * x - length * (2.0 + aside), length * (1.0 + aside) - 2.0 * x)
+    v = (0.0, 0.0, 3.0 * y - length * ahead, length * ahead - 2.0 * y)
+    return ParamPoly3(Start(0.0, 0.0, 0.0, length), u, v, 1.0)
+
+
 def test_a_parametric_cubic_ends_where_its_polynomials_end_whatever_length_is_declared() -> None:
     curve = ParamPoly3(
         Start(0.0, 0.0, 0.0, 30.03), (0.0, 30.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 1.0

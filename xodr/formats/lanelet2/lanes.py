@@ -34,7 +34,6 @@ from xodr.formats.maps.lane_map import (
     MapPole,
     MapSignal,
     MapStopLine,
-    gone,
     heights_on,
     sides_of,
     with_area,
@@ -43,6 +42,8 @@ from xodr.formats.maps.projecting import Projector
 
 _NEAR = 0.02
 """Points nearer to each other than this (m) are one node."""
+_DECIMALS = 4
+"""Decimals of local coordinates"""
 _GAP = 0.5
 """Ends of linked lanes further apart than this (m) are not joined."""
 _NOWHERE = ("+proj=utm +zone=31 +datum=WGS84 +units=m +no_defs", (166021.4431793306, 0.0, 0.0, 0.0))
@@ -119,6 +120,11 @@ class _OsmWriter:
         numbers = [self.node(place) for place in line.tolist()]
         kept = [numbers[0], *(b for a, b in pairwise(numbers) if a != b)]
         return tuple(kept)
+
+    def length(self, nodes: tuple[int, ...]) -> float:
+        """Length (m) in the plane, as the reader measures it."""
+        places = np.round([self.nodes[number][:2] for number in nodes], _DECIMALS)
+        return float(np.hypot(*np.diff(places, axis=0).T).sum())
 
     def way(self, nodes: tuple[int, ...], tags: dict[str, str]) -> int:
         """Number of the way through nodes, either way round; a mark counts more than none."""
@@ -229,8 +235,8 @@ def _bounds(
             for side, line in (("left", lane.left), ("right", lane.right))
         ]
         left, right = (writer.line(line) for line in lines)
-        # Such a lane could not be read again: bounds need two nodes.
-        if min(len(left), len(right)) < 2 or min(gone(line)[-1] for line in lines) <= TOUCHING:
+        # Such a lane could not be read again. Measured as written: near points became one node.
+        if min(writer.length(nodes) for nodes in (left, right)) <= TOUCHING:
             notes.append(f"lane {name} is left out: a border of it is shorter than {TOUCHING:g} m")
             continue
         ways = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
@@ -408,7 +414,8 @@ def _write_nodes(writer: _OsmWriter, lane_map: LaneMap) -> None:
             lat=f"{north:.11f}",
             lon=f"{east:.11f}",
         )
-        _add_tags(node, {"local_x": f"{x:.4f}", "local_y": f"{y:.4f}", "ele": f"{z:.4f}"})
+        local = {"local_x": x, "local_y": y, "ele": z}
+        _add_tags(node, {key: f"{value:.{_DECIMALS}f}" for key, value in local.items()})
         _add_tags(node, writer.poles.get(number - 1, {}))
 
 
