@@ -3,9 +3,9 @@
     python -m benchmarks.round_trips PATH... [--between lanelet2 sumo] [--largest-file 1000000]
 
 For each road file and format a row: length of lanes (km), share of it whose borders are within
-5 cm of the source's, 95 % distance of borders (cm), connections kept, and the largest difference
-of longitude and latitude (degrees) of places of one name. The sums are weighted by length and by
-number. Files of one content count once.
+5 cm of the source's, 95 % distance of borders (cm), connections kept and gained, and the largest
+difference of longitude and latitude (degrees) of places of one name. The sums are weighted by
+length and by number. Files of one content count once.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _distinct(paths: list[Path], largest: int) -> list[Path]:
 
 def _way(between: str, files: list[Path]) -> None:
     length = close = 0.0
-    connections = kept = refused = 0
+    connections = kept = gained = refused = 0
     away = 0.0
     for path in files:
         try:
@@ -75,18 +75,20 @@ def _way(between: str, files: list[Path]) -> None:
         close += difference.within * difference.length
         connections += difference.connections
         kept += difference.connections - lost
+        gained += len(difference.connections_gained)
         away = max(away, degrees or 0.0)
         print(
             f"{path.name}: {difference.length / 1e3:.2f} km, within 5 cm {difference.within:.2%},"
             f" 95 % {100.0 * difference.borders.most:.2f} cm, connections"
-            f" {difference.connections - lost}/{difference.connections},"
+            f" {difference.connections - lost}/{difference.connections}"
+            f" and {len(difference.connections_gained)} more,"
             f" {'no projection' if degrees is None else f'{degrees:.1e} degrees'}",
             flush=True,
         )
     print(
         f"by {between}: {len(files) - refused} maps, {length / 1e3:.1f} km,"
-        f" within 5 cm {close / max(length, 1e-9):.2%}, connections kept {kept} of {connections},"
-        f" {away:.1e} degrees at most, {refused} refused"
+        f" within 5 cm {close / max(length, 1e-9):.2%}, connections kept {kept} of {connections}"
+        f" and {gained} more, {away:.1e} degrees at most, {refused} refused"
     )
 
 

@@ -268,7 +268,7 @@ def _section_of(roads: RoadNetwork, track: LaneTrack) -> LaneSection:
 
 
 def _of_one_width(roads: RoadNetwork, track: LaneTrack, width: float) -> bool:
-    """Whether a lane is level and of this width (m) everywhere."""
+    """Whether a lane is level and of this width (m) everywhere, across its own direction."""
     road, lane = roads.roads[track.road_id], _lane_of(roads, track)
     if lane.heights or any(
         road.superelevation.starts and road.superelevation(s) for s in (track.start, track.end)
@@ -279,7 +279,14 @@ def _of_one_width(roads: RoadNetwork, track: LaneTrack, width: float) -> bool:
         *np.linspace(low, high, 9).tolist(),
         *(s for s in lane.width.starts if low < s < high),
     }
-    return all(abs(lane.width(s) - width) <= _SAME_WIDTH for s in places)
+    # A lane that leads away from the reference line is narrower than along that line's normals.
+    turns = {
+        s: math.atan2(lane.center.slope(s), 1.0 - road.curvature(s) * lane.center(s))
+        for s in places
+    }
+    return all(
+        abs(lane.width(s) * math.cos(turn) - width) <= _SAME_WIDTH for s, turn in turns.items()
+    )
 
 
 def _borders(

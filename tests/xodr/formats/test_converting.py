@@ -33,6 +33,7 @@ from xodr.builders.elements import (
     arc,
     line,
 )
+from xodr.formats.lanelet2 import lanes as lanelet2_lanes
 from xodr.formats.maps import files as maps
 from xodr.formats.maps.comparing import compare
 from xodr.formats.maps.converting import FATES, MAP_FIELDS
@@ -669,8 +670,50 @@ def test_a_lane_that_turns_about_a_border_is_left_out_by_name(tmp_path: Path) ->
     """Its border has no length; the file was refused by its own reader."""
     source = one_road((arc(9.0, -1 / 6.0),), False, 0.0).write(tmp_path / "corner.xodr")
     made = maps.convert(source, tmp_path / "map.osm")
-    assert "lane 1/0/-2 is left out: a border of it is shorter than 0.1 m" in made.notes
+    said = "lanes are left out, since a border of them is shorter than 0.1 m: 1/0/-2"
+    assert said in made.notes
     assert len(made.source.lanes) == 2 and len(made.result.lanes) == 1
+
+
+def test_a_border_that_is_short_as_it_is_written_is_left_out_by_name(tmp_path: Path) -> None:
+    """Ends nearer than 2 cm are one node: this border of 0.105 m has 0.09 m in the file."""
+    source = one_road((arc(0.109, 0.0),), False, 0.0).write(tmp_path / "short.xodr")
+    lanes = maps.read_map(source)
+    for lane in lanes.lanes.values():
+        lane.right = lane.right[0] + np.outer([0.0, 0.09, 0.075], [1.0, 0.0, 0.0])
+    content, notes = lanelet2_lanes.write(lanes)
+    assert notes[0].startswith("lanes are left out") and b"lanelet" not in content
+
+
+def test_a_lane_away_from_its_road_comes_back_from_a_network(tmp_path: Path) -> None:
+    """Its width is along the normals of the road, that of SUMO across the lane."""
+    shift = (Cubic(0.0, 0.0, 0.0, 0.012, -0.00016), Cubic(50.0, 10.0, 0.0, 0.0, 0.0))
+    made = one_road((arc(100.0, 0.0),), False, 0.0)
+    made = replace(made, roads=(replace(made.roads[0], offset=shift),))
+    there = maps.convert(made.write(tmp_path / "shift.xodr"), tmp_path / "map.net.xml")
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    difference = compare(there.source, back.result)
+    assert difference.within == 1.0 and difference.borders.largest < 0.04
+
+
+def test_a_median_beside_shoulders_gets_no_lane_before_it(tmp_path: Path) -> None:
+    """The lane that maps of others lack between two is one of traffic."""
+
+    def lane(kind: str, link: int | None) -> LaneDesign:
+        return LaneDesign(kind, (Cubic(0.0, 3.0, 0.0, 0.0, 0.0),), "solid", link, link)
+
+    kinds = {-1: "shoulder", -2: "median", -3: "shoulder"}
+    sections = (
+        SectionDesign(
+            0.0, {at: lane("none" if at == -2 else kind, at) for at, kind in kinds.items()}, "none"
+        ),
+        SectionDesign(30.0, {at: lane(kind, at) for at, kind in kinds.items()}, "none"),
+    )
+    made = one_road((arc(60.0, 0.0),), False, 0.0)
+    made = replace(made, roads=(replace(made.roads[0], sections=sections),))
+    there = maps.convert(made.write(tmp_path / "median.xodr"), tmp_path / "map.osm")
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    assert there.difference.gained == compare(there.source, back.result).gained == {}
 
 
 @pytest.mark.parametrize("between", ["lanelet2", "geojson"])

@@ -29,6 +29,7 @@ from xodr.formats.lanelet2.lanelet import (
     split,
 )
 from xodr.formats.lanelet2.osm import Osm, OsmWay, Relation
+from xodr.graph.ways import DRIVABLE
 
 _ALIGNED = 8
 """Points of both bounds of a lanelet by which these are turned the same way."""
@@ -227,6 +228,8 @@ def _cut(
     return seconds[name]
 
 
+_LED = DRIVABLE - {"restricted"}
+"""Types of lanes that others lead into; restricted ones are areas."""
 _WIDTHS = (2.0, 6.0)
 """Width that a lane may have that is only seen by its borders, m."""
 _BESIDE = 0.5
@@ -260,6 +263,9 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
     """Add the lane between two others where a lanelet goes on from the gap between them."""
     notes = []
     for lanelet in _without_predecessors(table):
+        # Medians and other areas begin beside others without any lane before them.
+        if lanelet.type not in _LED:
+            continue
         left = next(
             (
                 one

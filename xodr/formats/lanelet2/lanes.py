@@ -229,6 +229,7 @@ def _bounds(
     """The ways of lanes: their borders, and of areas the ends between these as well."""
     ends = _joined_ends(lanes, notes)
     bounds: dict[str, tuple[int, ...]] = {}
+    short: list[str] = []
     for name, lane in lanes.items():
         lines = [
             _with_ends(line, ends, (name, side))
@@ -237,13 +238,18 @@ def _bounds(
         left, right = (writer.line(line) for line in lines)
         # Such a lane could not be read again. Measured as written: near points became one node.
         if min(writer.length(nodes) for nodes in (left, right)) <= TOUCHING:
-            notes.append(f"lane {name} is left out: a border of it is shorter than {TOUCHING:g} m")
+            short.append(name)
             continue
         ways = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
         if lane.type in _AREAS:
             closing = [(left[at], right[at]) for at in (-1, 0) if left[at] != right[at]]
             ways += [(nodes, {"type": "virtual"}) for nodes in closing]
         bounds[name] = tuple(writer.way(nodes, tags) for nodes, tags in ways)
+    if short:
+        notes.append(
+            f"lanes are left out, since a border of them is shorter than {TOUCHING:g} m: "
+            f"{' '.join(short)}"
+        )
     return bounds
 
 
