@@ -335,6 +335,8 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     row, left = _sideways(scene, lane, begins)
     kept = _is_held(lane, course, row, hold) & along_road(scene, row)
     row, left = row[kept], left[kept]
+    deep = _depths(scene, lane, course, side, row, left) >= scene.rules.depth
+    row, left = row[deep], left[deep]
     shift = _shifts(scene, lane, course, side, row, left)
     return LaneChanges(
         lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins)
@@ -384,19 +386,23 @@ def _partial(
     row, left = row[near], left[near]
     kept = along_road(scene, row)
     row, left = row[kept], left[kept]
+    deep = _depths(scene, lane, course, side, row, left) >= scene.rules.depth
+    row, left = row[deep], left[deep]
     return Changes(row, left, _shifts(scene, lane, course, side, row, left))
 
 
 def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
     """Lanes; at the ends of a track, which may be cut, a lane need not be held for `rules.hold`."""
-    start, size = stays(raw, course)
+    return held(raw, course, at_ends(scene, raw, course, scene.rows(scene.rules.hold)))
+
+
+def at_ends(scene: SceneRows, values: IntArray, group: IntArray, least: int) -> IntArray:
+    """Least rows of each stay: `least`, or `rules.partial_hold` at the ends of tracks, which may be
+    cut."""
+    start, size = stays(values, group)
     last = start + size - 1
     at_end = (start == scene.first[start]) | (last == scene.last[last])
-    return held(
-        raw,
-        course,
-        np.where(at_end, scene.rows(scene.rules.partial_hold), scene.rows(scene.rules.hold)),
-    )
+    return np.where(at_end, np.minimum(scene.rows(scene.rules.partial_hold), least), least)
 
 
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
@@ -473,11 +479,7 @@ def _shifts(
 ) -> FloatArray:
     """Displacement from the outermost place before to the outermost place after each change, within
     its two stays."""
-    reach = scene.rows(scene.rules.shift_time)
-    starts, sizes = stays(lane, course)
-    place = np.searchsorted(starts, rows)
-    earliest = np.maximum(rows - reach, starts[place - 1])
-    latest = np.minimum(rows + reach, rows + sizes[place])
+    earliest, latest = _about(scene, lane, course, rows)
     towards = np.where(left, 1.0, -1.0)
     # From the outermost place on one side to the outermost on the other: a vehicle that swings out
     # first covers more than from border to border.
@@ -488,6 +490,39 @@ def _shifts(
         )
     ]
     return np.array(shifts, np.float64)
+
+
+def _about(
+    scene: SceneRows, lane: IntArray, course: IntArray, rows: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Return the first row, and the one after the last, of the two stays about each change, within
+    `rules.shift_time`."""
+    reach = scene.rows(scene.rules.shift_time)
+    starts, sizes = stays(lane, course)
+    place = np.searchsorted(starts, rows)
+    return np.maximum(rows - reach, starts[place - 1]), np.minimum(
+        rows + reach, rows + sizes[place]
+    )
+
+
+def _depths(
+    scene: SceneRows,
+    lane: IntArray,
+    course: IntArray,
+    side: FloatArray,
+    rows: IntArray,
+    left: BoolArray,
+) -> FloatArray:
+    """Greatest way (m) beyond the border that each change crosses, within its stay after it."""
+    _, latest = _about(scene, lane, course, rows)
+    towards = np.where(left, 1.0, -1.0)
+    # At the border the offset is half the width of the new lane, to the side that is left.
+    entered = 0.5 * scene.site.lanes.width[scene.strip[rows]] + towards * scene.offset[rows]
+    further = [
+        (sign * (side[row:end] - side[row])).max()
+        for row, end, sign in zip(rows.tolist(), latest.tolist(), towards.tolist(), strict=True)
+    ]
+    return entered + np.array(further, np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,8 @@ class Rules:
 
     Attributes:
         window: length of the window about t*, for which ego has to be there without missing frames.
-        margin: time before and after the window in which free cruise and following hold too.
+        margin, following_margin: time before and after the window in which free cruise, and
+            following, hold too.
         spacing: least time between two free cruises, or two followings, of one ego.
         most_windows: most of each of them of one ego.
         gap: longest time without frames after which a track goes on.
@@ -113,6 +114,8 @@ class Rules:
             speed in free cruise.
         cruise_speed: least speed of free cruise: a vehicle standing in a jam is as steady.
         following_headway: greatest THW of following, and least of free cruise.
+        queue_gap, queue_speed: a lead within this gap is followed at any headway, if the mean speed
+            of the window and its margins is not less: in queues gaps do not shrink with the speed.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
         flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows
@@ -120,6 +123,8 @@ class Rules:
         shift: least lateral displacement of a lane change, in lane widths.
         width: widest lane (m) of which shares count: a wider one is no further to cross.
         strict_shift: least lateral displacement in m, instead, where it is given.
+        depth: least way that a vehicle gets beyond the border in a change of lane: on a border,
+            places jitter.
         partial_hold, partial_shift: time for which the first or last lane of a track is held, and
             least lateral displacement (in lane widths), of a lane change that was recorded in part;
             it gets the tag `partial`.
@@ -159,6 +164,7 @@ class Rules:
 
     window: float = 1.5
     margin: float = 2.0
+    following_margin: float = 0.75
     spacing: float = 6.0
     most_windows: int = 3
     gap: float = 0.5
@@ -169,12 +175,15 @@ class Rules:
     cruise_speed_deviation: float = 0.5
     cruise_speed: float = 5.0
     following_headway: float = 4.0
+    queue_gap: float = 10.0
+    queue_speed: float = 1.0
     following_ttc: float = 4.0
     hold: float = 1.0
     flicker: float = 0.5
     shift: float = 0.8
     width: float = 3.75
     strict_shift: float | None = None
+    depth: float = 0.2
     partial_hold: float = 0.2
     partial_shift: float = 0.2
     partial_urban_shift: float = 0.5
@@ -210,7 +219,9 @@ CONDITIONS = {
         "one main lane, |a| < {cruise_acceleration:g} m/s², no lead within THW "
         "{following_headway:g} s"
     ),
-    Label.CAR_FOLLOWING: "one main lane, one lead within THW {following_headway:g} s",
+    Label.CAR_FOLLOWING: (
+        "one main lane or ramp, one lead within THW {following_headway:g} s or {queue_gap:g} m"
+    ),
     Label.CUT_IN: (
         "main lane is kept, partner changes into it and becomes the lead within {cut_gap:g} m"
     ),

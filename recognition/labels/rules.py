@@ -6,9 +6,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from recognition.labels.changes import Changes, always, constant, deviation, held, stays
+from recognition.labels.changes import (
+    Changes,
+    always,
+    at_ends,
+    constant,
+    deviation,
+    held,
+    smoothed,
+    stays,
+)
 from recognition.labels.classes import Label
-from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced
+from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced, spread
 from recognition.scenes import LaneRole
 from recognition.scenes.lanes import NOWHERE
 from recognition.scenes.roles import ROLES
@@ -41,7 +50,8 @@ def cut_ins(scene: Scene) -> Cuts:
     gap = scene.leads.gap[ego]
     new = (ego != ABSENT) & (_lead_track(scene, ego - 1) != scene.track[other])
     good = new & _concerned(scene, ego) & moves & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
-    return Cuts(ego, other, gap).where(good)
+    found = Cuts(ego, other, gap).where(good)
+    return found.where(_in_the_way(scene, found.ego, found, 1))
 
 
 def cut_outs(scene: Scene) -> Cuts:
@@ -60,7 +70,33 @@ def cut_outs(scene: Scene) -> Cuts:
     ego = np.where(seen, ego, 0)
     good = seen & (_lead_track(scene, ego) != scene.track[other])
     good &= _concerned(scene, ego) & moves & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
-    return Cuts(ego, other, gap).where(good)
+    found = Cuts(ego, other, gap).where(good)
+    return found.where(_in_the_way(scene, found.ego - 1, found, -1))
+
+
+def _in_the_way(scene: Scene, row: IntArray, cuts: Cuts, step: int) -> BoolArray:
+    """Whether the other, while it is the ego's lead, is ever in the way of the ego's box.
+
+    A car in the lane always is. A bicycle at the edge of the lane is the lead on that lane, and yet
+    beside the ego.
+
+    Args:
+        row: rows of the ego from which on the other is its lead, forwards (step 1) or backwards
+            (-1) in time, within `rules.shift_time`.
+    """
+    steps = step * np.arange(scene.rows(scene.rules.shift_time) + 1)
+    rows = np.clip(row[:, None] + steps, scene.first[row][:, None], scene.last[row][:, None])
+    lead = scene.leads.row[rows]
+    same = (lead != ABSENT) & (scene.track[lead] == scene.track[cuts.other][:, None])
+    apart = np.abs(scene.offset[rows] - scene.offset[lead])
+    narrow = np.array(
+        [scene.recording.tracks[name].category in _TWO_WHEELERS for name in scene.names], bool
+    )[scene.track[cuts.other]]
+    return ~narrow | (same & (apart < 0.5 * (scene.width[rows] + scene.width[lead]))).any(axis=1)
+
+
+_TWO_WHEELERS = ("bicycle", "motorbike")
+"""Categories of vehicles that may be beside another one in its lane"""
 
 
 def lateral_gap(scene: Scene, cuts: Cuts) -> FloatArray:
@@ -129,12 +165,14 @@ def free_cruise(scene: Scene) -> Hits:
     A standing vehicle has no headway.
     """
     rules = scene.rules
-    far = ~scene.leads.thw.valid | (scene.leads.thw.value > rules.following_headway)
+    near, _ = _followed(scene)
     calm = (np.abs(scene.acceleration) < rules.cruise_acceleration) & (
         scene.speed >= rules.cruise_speed
     )
-    half = scene.rows(0.5 * rules.window + rules.margin)
-    flags = _steady_on_main(scene) & always(far & calm, half, scene.first, scene.last)
+    seconds = 0.5 * rules.window + rules.margin
+    half = scene.rows(seconds)
+    flags = _steady_on(scene, seconds, LaneRole.MAIN)
+    flags &= always(~near & calm, half, scene.first, scene.last)
     # Small accelerations of one sign add up to another speed: the deviation bounds their sum.
     flags &= deviation(scene.speed, half, scene.first, scene.last) < rules.cruise_speed_deviation
     # Hours of cruising would outnumber all other events: windows are taken apart, and a few of a
@@ -144,18 +182,25 @@ def free_cruise(scene: Scene) -> Hits:
 
 
 def car_following(scene: Scene) -> Hits:
-    """2: the same lead on one lane, at a headway of at most `rules.following_headway`, in the
-    window and its margins."""
+    """2: the same lead on one lane of a motorway, at a headway of at most
+    `rules.following_headway` or a gap of a queue, in the window and its margins."""
     rules, leads = scene.rules, scene.leads
-    half = scene.rows(0.5 * rules.window + rules.margin)
-    near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
-    lead = np.where(leads.row == ABSENT, ABSENT, scene.track[leads.row])
+    seconds = 0.5 * rules.window + rules.following_margin
+    half = scene.rows(seconds)
+    near, lead = _followed(scene)
+    queue = (leads.row != ABSENT) & (leads.gap > 0.0) & (leads.gap <= rules.queue_gap)
+    near |= held(queue.astype(np.int64), scene.first, scene.rows(rules.flicker)).astype(bool)
     flags = (
-        _steady_on_main(scene)
+        _steady_on(scene, seconds, *_MOTORWAY)
         & always(near, half, scene.first, scene.last)
         & constant(lead, half, scene.first, scene.last)
+        & (smoothed(scene.speed, half, scene.first, scene.last) >= rules.queue_speed)
+        & (lead != ABSENT)
     )
-    row = spaced(scene, flags, rules.spacing, rules.most_windows)
+    row = spread(scene, flags, lead, rules.spacing, rules.most_windows)
+    # Another lead may flicker just then: the row before it has the partner.
+    here = np.arange(len(lead))
+    row = np.maximum.accumulate(np.where(lead == _lead_track(scene, here), here, 0))[row]
     closing = leads.ttc.valid[row] & (leads.ttc.value[row] < rules.following_ttc)
     return Hits(
         Label.CAR_FOLLOWING,
@@ -163,6 +208,23 @@ def car_following(scene: Scene) -> Hits:
         leads.row[row],
         {"gap": leads.gap[row], "thw": leads.thw.value[row], "ttc_below_4s": closing},
     )
+
+
+_MOTORWAY = (LaneRole.MAIN, LaneRole.ON_RAMP, LaneRole.OFF_RAMP, LaneRole.WEAVING)
+"""Roles of the lanes of motorways"""
+
+
+def _followed(scene: Scene) -> tuple[BoolArray, IntArray]:
+    """Return whether a lead is within `rules.following_headway`, and its track (ABSENT for none).
+
+    Leads for less than `rules.flicker` are left out: sensors see vehicles for single frames.
+    """
+    leads, rules = scene.leads, scene.rules
+    near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
+    lead, least = _lead_track(scene, np.arange(len(leads.row))), scene.rows(rules.flicker)
+    steady = held(lead, scene.first, least)
+    # While another vehicle flickers in between, the headway is as it was.
+    return held(near.astype(np.int64), scene.first, least).astype(bool), steady
 
 
 def cut_in(scene: Scene) -> Hits:
@@ -238,12 +300,11 @@ def _of(changes: Changes, row: IntArray) -> FloatArray:
     return changes.shift[np.searchsorted(changes.row, row)]
 
 
-def _steady_on_main(scene: Scene) -> BoolArray:
-    """Rows of egos that keep one main lane through the window and its margins, with all frames
-    there."""
-    seconds = 0.5 * scene.rules.window + scene.rules.margin
-    main = always(scene.has_role(LaneRole.MAIN), scene.rows(seconds), scene.first, scene.last)
-    return main & scene.steady(seconds) & scene.egos[scene.track]
+def _steady_on(scene: Scene, seconds: float, *roles: LaneRole) -> BoolArray:
+    """Rows of egos that keep one lane of these roles from `seconds` before to `seconds` after, with
+    all frames there."""
+    kept = always(scene.has_role(*roles), scene.rows(seconds), scene.first, scene.last)
+    return kept & scene.steady(seconds) & scene.egos[scene.track]
 
 
 def _on_main(scene: Scene, found: Cuts) -> Cuts:
@@ -525,8 +586,8 @@ def _counting(scene: Scene) -> BoolArray:
 
 
 def crosses(scene: Scene) -> BoolArray:
-    """Passages that cross a way between two other roads: of each way its longest passage is
-    compared."""
+    """Passages that cross a way between two other roads, at `rules.straight` or
+    more: of each way its longest passage is compared."""
     from shapely import STRtree
 
     passages = scene.passages
@@ -549,11 +610,36 @@ def crosses(scene: Scene) -> BoolArray:
     target_road = np.where(
         passages.target != NOWHERE, scene.site.lanes.road[passages.target], NOWHERE
     )
-    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (
-        target_road[mine] != target_road[theirs]
+    other = (
+        (passages.origin_road[mine] != passages.origin_road[theirs])
+        & (target_road[mine] != target_road[theirs])
+        & (passages.origin_road[mine] != NOWHERE)
     )
-    found[mine[other & (passages.origin_road[mine] != NOWHERE)]] = True
+    mine, theirs = mine[other], theirs[other]
+    across = [
+        _angle(lines[a], lines[b]) for a, b in zip(mine.tolist(), theirs.tolist(), strict=True)
+    ]
+    # Ways that touch at a small angle join or part, or go on as one another: through two junctions,
+    # a vehicle meets its own way where the first one ends.
+    found[mine[np.sin(across) >= np.sin(np.radians(scene.rules.straight))]] = True
     return found
+
+
+def _angle(mine: LineString, theirs: LineString) -> float:
+    """Angle between two ways where they first meet, rad, from 0 to π."""
+    from shapely import Point, get_coordinates
+
+    met = Point(get_coordinates(mine.intersection(theirs))[0])
+    headings = []
+    for line in (mine, theirs):
+        at = line.project(met)
+        a, b = line.interpolate(max(at - _CHORD, 0.0)), line.interpolate(at + _CHORD)
+        headings.append(np.arctan2(b.y - a.y, b.x - a.x))
+    return abs(float(np.remainder(headings[0] - headings[1] + np.pi, 2.0 * np.pi) - np.pi))
+
+
+_CHORD = 1.0
+"""Way (m) before and behind a place over which the direction of a way is taken"""
 
 
 def _opposing(scene: Scene) -> BoolArray:
@@ -610,8 +696,10 @@ def roundabout_circulating(scene: Scene) -> Hits:
 
 
 def _roles(scene: Scene) -> IntArray:
-    """Roles without short stays: where lanes of a junction overlap, rows may jump between them."""
-    return held(scene.role, scene.first, scene.rows(scene.rules.flicker))
+    """Roles without short stays: where lanes of a junction overlap, rows may jump between them. At
+    the ends of a track, which may be cut, `rules.partial_hold` is long enough."""
+    least = scene.rows(scene.rules.flicker)
+    return held(scene.role, scene.first, at_ends(scene, scene.role, scene.first, least))
 
 
 def _passages_between(scene: Scene, before: LaneRole, after: LaneRole) -> IntArray:
@@ -619,6 +707,8 @@ def _passages_between(scene: Scene, before: LaneRole, after: LaneRole) -> IntArr
     start, _ = stays(roles, scene.first)
     row = start[1:][scene.first[start[1:]] == scene.first[start[1:] - 1]]
     row = row[(roles[row - 1] == ROLES.index(before)) & (roles[row] == ROLES.index(after))]
+    # Near the ends of a track the window is the nearest whole one.
+    row = scene.centred(row)
     return row[scene.complete[row]]
 
 

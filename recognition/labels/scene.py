@@ -24,6 +24,7 @@ from recognition.labels.changes import (
     passages,
     side_turns,
     smoothed,
+    stays,
 )
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
 from recognition.scenes import LaneRole, Site
@@ -415,6 +416,25 @@ def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArra
             chosen.append(int(mine[place]))
             place = int(np.searchsorted(frames, frames[place] + apart))
     return np.array(chosen, np.int64)
+
+
+def spread(scene: Scene, flags: BoolArray, group: IntArray, seconds: float, most: int) -> IntArray:
+    """Rows that stand for the stays in which a flag holds within one group: the middle of each, or
+    of equal parts of at most `seconds`; at most so many of a track, the first."""
+    start, size = stays(np.where(flags, group, ABSENT), scene.first)
+    inside = flags[start]
+    parts = 1 + size[inside] // scene.rows(seconds)
+    chosen = [
+        begin + (2 * part + 1) * length // (2 * number)
+        for begin, length, number in zip(
+            start[inside].tolist(), size[inside].tolist(), parts.tolist(), strict=True
+        )
+        for part in range(number)
+    ]
+    row = np.array(chosen, np.int64)
+    tracks = scene.track[row]
+    # Rows are in the order of tracks: the number within a track is that since its first row.
+    return row[np.arange(len(row)) - np.searchsorted(tracks, tracks) < most]
 
 
 def near(scene: Scene, row: IntArray, others: IntArray, seconds: float) -> BoolArray:

@@ -109,13 +109,39 @@ def test_somebody_in_the_next_lane_is_no_lead(motorway: Site) -> None:
     ]
 
 
-def test_a_new_lead_ends_following(motorway: Site) -> None:
+def test_each_lead_is_followed_apart(motorway: Site) -> None:
     first = track("first", ahead(140, 30, 4.0), MIDDLE)
     second = track("second", ahead(270, 30, 3.9), MIDDLE, start=4.1)
-    assert (
-        of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), first, second), "ego")
-        == []
-    )
+    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), first, second)
+    following = [(event.label, event.partner) for event in events if event.ego == "ego"]
+    assert following == [(Label.CAR_FOLLOWING, "first"), (Label.CAR_FOLLOWING, "second")]
+
+
+def test_a_short_time_behind_each_of_two_leads_is_no_following(motorway: Site) -> None:
+    first = track("first", ahead(140, 30, 2.5), MIDDLE)
+    second = track("second", ahead(215, 30, 2.5), MIDDLE, start=2.6)
+    ego = track("ego", ahead(100, 30, 5.0), MIDDLE)
+    assert of(labels(motorway, ego, first, second), "ego") == []
+
+
+def test_a_lead_seen_for_single_frames_ends_no_following(motorway: Site) -> None:
+    lead = track("lead", ahead(140, 30, SECONDS), MIDDLE)
+    ghost = track("ghost", ahead(245, 30, 0.1), MIDDLE, start=4.0)
+    ego = track("ego", ahead(100, 30, SECONDS), MIDDLE)
+    events = labels(motorway, ego, lead, ghost)
+    assert [(event.label, event.partner) for event in events if event.ego == "ego"] == [
+        (Label.CAR_FOLLOWING, "lead")
+    ]
+
+
+@pytest.mark.parametrize(("speed", "found"), [(1.5, [Label.CAR_FOLLOWING]), (0.3, [])])
+def test_following_in_a_queue_has_any_headway_unless_it_stands(
+    motorway: Site, speed: float, found: list[Label]
+) -> None:
+    # 8 m ahead are 5 s at 1.5 m/s: more than the headway of following.
+    lead = track("lead", ahead(112.5, speed, SECONDS), MIDDLE)
+    ego = track("ego", ahead(100, speed, SECONDS), MIDDLE)
+    assert of(labels(motorway, ego, lead), "ego") == found
 
 
 def test_long_steady_drives_give_a_bounded_number_of_windows(motorway: Site) -> None:
@@ -262,6 +288,16 @@ def test_an_ego_that_changes_lane_itself_sees_no_cut_in(motorway: Site) -> None:
     assert Label.CUT_IN not in of(labels(motorway, ego, other), "ego")
 
 
+@pytest.mark.parametrize(("end", "found"), [(-3.65, []), (-3.35, [Label.LANE_CHANGE_LEFT])])
+def test_a_vehicle_on_the_border_has_not_changed_lane(
+    motorway: Site, end: float, found: list[Label]
+) -> None:
+    # The border is at -3.75 m, and the recording ends a second after the motion to the side.
+    ego = track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, end, 5.0, SECONDS))
+    changes = (Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_RIGHT)
+    assert [one for one in of(labels(motorway, ego), "ego") if one in changes] == found
+
+
 def leaving(x: float = 130.0) -> list:
     time = STEP * np.arange(round(SECONDS / STEP) + 1)
     brakes = -1.5 * 0.5 * np.clip(time - 4.5, 0.0, 1.0) ** 2 - 1.5 * np.clip(time - 5.5, 0.0, None)
@@ -270,15 +306,18 @@ def leaving(x: float = 130.0) -> list:
 
 
 def test_a_lead_that_leaves_the_lane_cuts_out(motorway: Site) -> None:
-    event = next(event for event in labels(motorway, *leaving()) if event.ego == "ego")
-    assert (event.label, event.partner) == (Label.CUT_OUT, "lead")
+    events = [event for event in labels(motorway, *leaving()) if event.ego == "ego"]
+    assert [event.label for event in events] == [Label.CAR_FOLLOWING, Label.CUT_OUT]
+    event = events[-1]
+    assert event.partner == "lead"
     assert event.tags == {"gap": pytest.approx(25.5, abs=0.2), "ego_brakes": True}
 
 
 def test_an_ego_that_stays_calm_has_no_braking_tag(motorway: Site) -> None:
     calm = track("ego", ahead(100, 30, SECONDS), MIDDLE)
-    event = next(event for event in labels(motorway, calm, leaving()[1]) if event.ego == "ego")
-    assert (event.label, event.tags["ego_brakes"]) == (Label.CUT_OUT, False)
+    events = labels(motorway, calm, leaving()[1])
+    event = next(event for event in events if event.label is Label.CUT_OUT)
+    assert event.tags["ego_brakes"] is False
 
 
 def test_who_leaves_the_lane_far_ahead_does_not_cut_out(motorway: Site) -> None:

@@ -7,17 +7,19 @@ west and south, and so on.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from recognition.labels import Label, LabelledEvent, Rules
 from recognition.labels.changes import passages
 from recognition.labels.scene import prepare
 from recognition.scenes import Site
 from runner.recording import Recording, Track
-from tests.recognition.driving import STEP, labels, of, route, site, track
+from tests.recognition.driving import STEP, ahead, labels, of, route, site, track
 from xodr.builders import four_way_intersection, t_junction
 from xodr.formats.lanelet2 import Lanelet, build
 
@@ -92,17 +94,18 @@ def _bent(folder: Path, degrees: float, straight_on: bool) -> Site:
     }
     links |= {"south": ("across",), "across": ("north",)}
     names = [name for name in ways if straight_on or name not in ("ahead", "far")]
-    lanelets = []
-    for name in names:
-        points = np.array(ways[name], float)
-        steps = np.gradient(points, axis=0)
-        normal = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
-        lanelets.append(
-            Lanelet(
-                name, points + 1.75 * normal, points - 1.75 * normal, successors=links.get(name, ())
-            )
-        )
+    lanelets = [_lanelet(name, ways[name], links) for name in names]
     return site(build(lanelets, "bent").map, folder)
+
+
+def _lanelet(name: str, centre: ArrayLike, links: dict[str, tuple[str, ...]]) -> Lanelet:
+    """A lanelet 3.5 m wide."""
+    points = np.array(centre, float)
+    steps = np.gradient(points, axis=0)
+    normal = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
+    return Lanelet(
+        name, points + 1.75 * normal, points - 1.75 * normal, successors=links.get(name, ())
+    )
 
 
 @pytest.mark.parametrize(
@@ -127,6 +130,24 @@ def test_ways_that_only_part_or_meet_do_not_cross(crossing: Site) -> None:
         car(crossing, "SE", start=60.0),
     )
     assert of(events, "WE") == []
+
+
+def test_a_way_through_two_junctions_does_not_cross_itself(tmp_path: Path) -> None:
+    # Between the junctions there is only a metre: the ways through both meet there.
+    ends = (-60.0, 0.0, 16.0, 17.0, 33.0, 90.0)
+    ways = {f"w{n}": [(a, 0.0), (b, 0.0)] for n, (a, b) in enumerate(itertools.pairwise(ends))}
+    links = {f"w{n}": (f"w{n + 1}",) for n in range(4)}
+    for name, x in (("p", 8.0), ("q", 25.0)):
+        places = (-60.0, -8.0, 8.0, 60.0)
+        for n, (a, b) in enumerate(itertools.pairwise(places)):
+            ways[f"{name}{n}"] = [(x, a), (x, b)]
+        links |= {f"{name}{n}": (f"{name}{n + 1}",) for n in range(2)}
+    place = site(build([_lanelet(*way, links) for way in ways.items()], "two").map, tmp_path)
+    ego = track("ego", ahead(-50.0, 8.0, 16.0), 0.0)
+    assert len(passages(prepare(Recording([ego], STEP, None), place, Rules()))) == 2
+    assert of(labels(place, ego), "ego") == []
+    across = track("across", 25.0, ahead(-50.0, 8.0, 14.0), start=30.0)
+    assert of(labels(place, ego, across), "ego") == [Label.STRAIGHT_CROSS]
 
 
 def test_a_left_turn_before_oncoming_traffic_is_opposed(crossing: Site) -> None:

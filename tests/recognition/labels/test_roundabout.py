@@ -106,6 +106,18 @@ def test_entering_close_to_somebody_in_the_ring_yields(
     assert event.tags["yields"] is yields
 
 
+def test_entering_when_the_recording_ends_has_its_window_where_it_is_whole(ring: Site) -> None:
+    whole = car(ring, "ego", ("102", "201", "303"))
+    (entered,) = (
+        event for event in labels(ring, whole) if event.label is Label.ROUNDABOUT_ENTERING
+    )
+    rows = round((entered.time + 0.4) / STEP) + 1
+    short = track("ego", whole.columns["x"][:rows], whole.columns["y"][:rows])
+    (event,) = labels(ring, short)
+    assert event.label is Label.ROUNDABOUT_ENTERING
+    assert event.time == pytest.approx(entered.time + 0.4 - 0.75, abs=0.11)
+
+
 def test_a_track_that_begins_in_the_ring_only_exits(ring: Site) -> None:
     x, y = route(ring.network, ("1", 1, 50.0), 7.0, 30.0, ("102", "201", "303"))
     late = round(12.0 / STEP)

@@ -77,6 +77,18 @@ def test_a_cut_in_is_one_whatever_its_time_to_collision(
     assert event.tags["ttc_below_3s"] is False
 
 
+@pytest.mark.parametrize(
+    ("category", "width", "found"), [("car", 1.8, [Label.URBAN_CUT_IN]), ("bicycle", 0.6, [])]
+)
+def test_a_bicycle_at_the_edge_of_the_lane_is_beside_the_ego(
+    street: Site, category: str, width: float, found: list[Label]
+) -> None:
+    other = car(street, "other", 94.0, 8.0, lateral(-1.75, -3.9))
+    narrow = track("other", other.columns["x"], other.columns["y"], category=category, width=width)
+    ego = car(street, "ego", 60.0, 12.0, -5.5)
+    assert of(labels(street, ego, narrow), "ego") == found
+
+
 def test_a_lead_that_leaves_the_lane_cuts_out(street: Site) -> None:
     event = next(
         event
