@@ -111,12 +111,20 @@ def text(results: Path) -> str:
         parts.append(_section(title + mark, rows))
     parts.append(_pictures(results, "5", "6", "7", "8", "8 highways"))
     parts.append(_APPROACHES)
-    for stage in GEOMETRIES:
-        found, mark = _folder(results, [(stage, "generated")])
-        rows = _plain(found / stage / "generated.csv")
-        parts.append(_section(f"Figure 8: {stage.replace('_', ' ')}{mark}", rows))
+    for found, mark, settings in _settings(results, "generated", GEOMETRIES):
+        title = f"Figure 8: searches of {SCALES[found.name].budget} runs{mark}"
+        parts.append(_section(title, _geometries(found, settings)))
     parts += [_commands(journals[scale].values(), scale) for scale in _MARKS if journals[scale]]
     return "\n".join(part for part in parts if part)
+
+
+def _geometries(folder: Path, stages: Iterable[str]) -> tuple[list[str], list[list[str]]]:
+    """Rows of all geometries in one table, with the name of theirs first."""
+    header, rows = list[str](), list[list[str]]()
+    for stage in stages:
+        header, *some = read_table(folder / stage / "generated.csv")
+        rows += [[stage.replace("_", " "), *row] for row in some]
+    return ["geometry", *header], rows
 
 
 def finding(results: Path) -> Callable[[str, str], Path | None]:

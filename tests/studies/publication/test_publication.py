@@ -203,6 +203,25 @@ def test_five_seeds_of_a_smaller_encoder_stand_below_one_of_the_published(tmp_pa
     assert "| TRFE | 0.906 | 0.500 | 0.9 | 0.8 | 5 |" in middle
 
 
+def test_geometries_stand_in_one_table_for_each_budget(tmp_path: Path) -> None:
+    for scale, stage in (
+        ("full", "cut_in_narrow_road"),
+        ("middle", "cut_in_narrow_road"),
+        ("middle", "merging_highway"),
+        ("smallest", "merging_highway"),
+        ("smallest", "diverging_highway"),
+    ):
+        table(tmp_path / scale / stage / "generated.csv", f",CR,seeds\nMCSG,{scale} {stage},5\n")
+    text = page.text(tmp_path)
+    full, rest = text.split("### Figure 8: searches of 300 runs, middle settings\n")
+    middle, smallest = rest.split("### Figure 8: searches of 40 runs, smallest settings\n")
+    assert "### Figure 8: searches of 3000 runs\n" in full
+    for name in ("cut in narrow road", "merging highway"):
+        assert f"| {name} | MCSG | middle {name.replace(' ', '_')} | 5 |" in middle
+    assert "| diverging highway | MCSG | smallest diverging_highway | 5 |" in smallest
+    assert "smallest merging" not in smallest
+
+
 def test_what_a_part_costs_is_read_from_the_rows_with_most_seeds(tmp_path: Path) -> None:
     wanted = "shipped|open-set|macro-F1|TRFE|CAC"
     assert page._measured(tmp_path, wanted) == "macro-F1: not made yet"
