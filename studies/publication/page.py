@@ -43,7 +43,7 @@ _MIDDLE = """\
 Tables that say *middle settings* have the recordings of the full ones, {seeds} seeds, at most
 {events} windows of each class, and the small encoder `{grids}` in the place of the publication's:
 five seeds of that one take a GPU for hours. The notes beside the commands below say which seeds and
-rounds a run had when it ended: figure 3 and W have two of five rounds of one seed.
+rounds a run had when it ended: figure 3 and W have two to four rounds of one seed.
 """
 _FULL = """\
 All others have at most {events} windows of each class and {budget} runs a search. *As published*:
