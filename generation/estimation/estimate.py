@@ -45,13 +45,14 @@ class Learned:
     """
 
     def __init__(self, prior: Prior, theta: FloatArray, failing: BoolArray) -> None:
-        self._columns = prior.columns(prior.searched)
+        self._prior, self._columns = prior, prior.columns(prior.searched)
         self._positive = prior.low[self._columns] > 0.0
         forest: Any = optional("sklearn.ensemble").ExtraTreesClassifier(_TREES, random_state=0)
         self._forest = forest.fit(self._features(theta), failing)
 
     def _features(self, theta: FloatArray) -> FloatArray:
-        rows = theta[:, self._columns]
+        # The choices themselves: thresholds of trees fall anywhere between two of them.
+        rows = self._prior.chosen(theta)[:, self._columns]
         rows[:, self._positive] = np.log(rows[:, self._positive])
         return differences(rows)
 
@@ -139,7 +140,7 @@ class Proposal:
         common = round(self.defensive * n)
         around = until_possible(self._around, self._prior.possible, n - common, generator)
         return generator.permutation(
-            np.concatenate([self._prior.sample(common, generator), around])
+            np.concatenate([_spread(self._prior, common, generator), around])
         )
 
     def weights(self, theta: FloatArray) -> FloatArray:
@@ -151,6 +152,13 @@ class Proposal:
         log_q = np.logaddexp(np.log(self.defensive) + log_p, np.log1p(-self.defensive) + log_k)
         found: FloatArray = np.exp(log_p - log_q)
         return found
+
+
+def _spread(prior: Prior, n: int, generator: np.random.Generator) -> FloatArray:
+    """Draws (n, d) of a prior whose density they have at each point."""
+    # Kernels have no choices. At its choices alone p would have no draw in the rest of a cell, and
+    # draws where kernels are densest: a choice that fails would seem several times as rare.
+    return prior.spread(prior.sample(n, generator), generator)
 
 
 class Stage(NamedTuple):
@@ -349,6 +357,7 @@ def estimate(
     """
     generator = np.random.default_rng(settings.seed)
     stages, thetas, parts, looked = list[Stage](), list[FloatArray](), list[Outcomes](), 0
+    known = known._replace(theta=prior.spread(known.theta, generator))
     for runs in _shared(settings.runs, _STAGES if plays is None else 1):
         proposal, failures = (
             _failures_on(prior, plays, generator)
@@ -356,7 +365,11 @@ def estimate(
             else _learnt(prior, known, generator)
         )
         looked = failures if proposal is not None else looked
-        theta = (prior if proposal is None else proposal).sample(runs, generator)
+        theta = (
+            _spread(prior, runs, generator)
+            if proposal is None
+            else proposal.sample(runs, generator)
+        )
         outcomes = evaluate(theta)
         theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
         stages.append(Stage(len(theta), proposal))
@@ -391,11 +404,21 @@ def estimate(
         name: probability.within(probabilities[FAILURE])
         for name, probability in probabilities.items()
     }
+    # Parts of the failures are told apart by distances: of choices, not of points of their cells.
+    control_rows = None
+    if controls is not None:
+        control_rows = (
+            _colliding(prior.chosen(theta), controls[0]),
+            _colliding(prior.chosen(many), controls[1]),
+        )
     kept = FailingDraws(
-        theta[colliding], real.weights[colliding], len(theta), drawn.greatest, ratios[:, colliding],
-        None if controls is None
-        else (_colliding(theta, controls[0]), _colliding(many, controls[1])),
-    )  # fmt: skip
+        prior.chosen(theta[colliding]),
+        real.weights[colliding],
+        len(theta),
+        drawn.greatest,
+        ratios[:, colliding],
+        control_rows,
+    )
     return Estimate(probabilities, len(theta), settings.runs - len(theta), looked, failing=kept)
 
 
@@ -464,7 +487,7 @@ def _draws(
     them."""
     sure, unsure = list[FloatArray](), list[FloatArray]()
     for _ in range(_BLOCKS):
-        theta = prior.sample(_BLOCK, generator)
+        theta = _spread(prior, _BLOCK, generator)
         scores = score(theta)
         sure.append(theta[scores > _SURE])
         unsure.append(theta[scores > _UNSURE])

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from generation.space.density.prior import FORESEEABLE, Prior
-from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 from schemas.expressions import literal
 from xosc.distributions import (
@@ -151,18 +151,33 @@ class Choices:
         """Greatest value."""
         return self.choices[-1]
 
+    @property
+    def _edges(self) -> FloatArray:
+        """Limits of the cells (k + 1,)."""
+        points = np.array(self.choices)
+        return np.array([points[0], *(0.5 * (points[1:] + points[:-1])), points[-1]])
+
+    def _cells(self, values: FloatArray) -> IntArray:
+        """Index of the choice nearest to each value (n,)."""
+        return np.searchsorted(self._edges[1:-1], values)
+
     def log_density(self, values: FloatArray) -> FloatArray:
         """log p of values (n,)."""
-        points = np.array(self.choices)
-        middles = 0.5 * (points[1:] + points[:-1])
         # A probability over the width of its cell: comparable with densities of continuous
         # parameters.
-        cells = np.diff([points[0], *middles, points[-1]])
         with np.errstate(divide="ignore"):
-            found = np.log(np.array(self.weights) / sum(self.weights) / cells)[
-                np.searchsorted(middles, values)
-            ]
-        return np.where((values >= self.low) & (values <= self.high), found, -np.inf)
+            found = np.log(np.array(self.weights) / sum(self.weights) / np.diff(self._edges))
+        inside = (values >= self.low) & (values <= self.high)
+        return np.where(inside, found[self._cells(values)], -np.inf)
+
+    def nearest(self, values: FloatArray) -> FloatArray:
+        """The choice that each value (n,) stands for."""
+        return np.array(self.choices)[self._cells(values)]
+
+    def spread(self, values: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """Values (n,) drawn evenly from the cells of others."""
+        cells, edges = self._cells(values), self._edges
+        return edges[cells] + generator.random(len(values)) * np.diff(edges)[cells]
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n,)."""
@@ -400,6 +415,23 @@ class DeclaredPrior(Prior):
         )  # all of a uniform density are alike but for rounding
         return found
 
+    def chosen(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with each discrete parameter at the choice nearest to its value."""
+        return self._discrete(theta, Choices.nearest)
+
+    def spread(self, theta: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """Rows (n, d) with each discrete parameter anywhere nearest to its choice."""
+        return self._discrete(theta, lambda choices, values: choices.spread(values, generator))
+
+    def _discrete(
+        self, theta: FloatArray, change: Callable[[Choices, FloatArray], FloatArray]
+    ) -> FloatArray:
+        found = theta.copy()
+        for column, marginal in enumerate(self._marginals):
+            if isinstance(marginal, Choices):
+                found[:, column] = change(marginal, theta[:, column])
+        return found
+
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) as they are: nothing is recorded of nuisances."""
         return theta
@@ -481,9 +513,22 @@ class JointPrior(Prior):
             [judge.foreseeable(self._columns(judge, theta)) for judge in judges], axis=0
         )
 
+    def chosen(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with each discrete parameter at the choice nearest to its value."""
+        return self._by_part(theta, lambda part, rows: part.chosen(rows))
+
+    def spread(self, theta: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """Rows (n, d) with each discrete parameter anywhere nearest to its choice."""
+        return self._by_part(theta, lambda part, rows: part.spread(rows, generator))
+
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with nuisances as each part has them."""
+        return self._by_part(theta, lambda part, rows: part.with_nuisances(rows))
+
+    def _by_part(
+        self, theta: FloatArray, change: Callable[[Prior, FloatArray], FloatArray]
+    ) -> FloatArray:
         found = theta.copy()
         for part in self._parts:
-            found[:, self.columns(part.names)] = part.with_nuisances(self._columns(part, theta))
+            found[:, self.columns(part.names)] = change(part, self._columns(part, theta))
         return found

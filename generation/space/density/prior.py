@@ -187,6 +187,15 @@ class Prior(ABC):
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
 
+    def chosen(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with each discrete parameter at the choice nearest to its value."""
+        return theta
+
+    def spread(self, theta: FloatArray, generator: np.random.Generator) -> FloatArray:
+        """Rows (n, d) with each discrete parameter anywhere nearest to its choice, as `log_density`
+        takes it to be."""
+        return theta
+
     def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
         """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m); (0, m)
         without recordings."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from generation.estimation.estimate import (
 )
 from generation.estimation.probability import FailingDraws, WeightedRows
 from generation.search.outcomes import Outcomes
-from generation.space.density.marginals import DeclaredPrior, uniform
+from generation.space.density.marginals import Choices, DeclaredPrior, uniform
 from schemas.common.array_types import BoolArray, FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2
@@ -54,6 +56,43 @@ def test_weights_of_draws_have_the_mean_1() -> None:
     assert PRIOR.possible(theta).all()
     assert weights.max() <= 5.0 + 1e-9
     assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(20_000))
+
+
+CHOSEN = DeclaredPrior({"a": uniform(0.0, 1.0), "c": Choices((0.0, 1.0), (0.75, 0.25))}, None)
+
+
+def failing_by_choice(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """Four in a hundred of one choice, one in a hundred of the other."""
+    collision = theta[:, 0] > np.where(theta[:, 1] > 0.5, 0.96, 0.99)
+    return Outcomes.of(len(theta), collision=collision, status=["completed"] * len(theta))
+
+
+def test_draws_stand_for_each_choice_as_often_as_it_has_probability() -> None:
+    generator = np.random.default_rng(0)
+    known = CHOSEN.sample(20_000, generator)
+    proposal = Proposal(CHOSEN, 0.2, known[failing_by_choice(known).collision])
+    theta = proposal.sample(8_000, generator)
+    weights = proposal.weights(theta)
+    second = np.where(theta[:, 1] > 0.5, weights, 0.0)
+    assert second.mean() == pytest.approx(0.25, abs=4 * second.std() / np.sqrt(8_000))
+    assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(8_000))
+
+
+@pytest.mark.parametrize("only", [False, True])
+def test_failures_of_choices_are_as_probable_as_they_are(only: bool) -> None:
+    truth = 0.25 * 0.04 + (0.0 if only else 0.75 * 0.01)
+
+    def fails(theta: FloatArray, sut: str | None = None) -> Outcomes:
+        found = failing_by_choice(theta)
+        return replace(found, collision=found.collision & ~(only & (theta[:, 1] < 0.5)))
+
+    settings = EstimateSettings(300, 0, resampled=0)
+    found = estimate(CHOSEN, fails, fails, Known.nothing(CHOSEN), fails, settings)
+    chance = found.probabilities[FAILURE]
+    assert chance.interval[0] <= truth <= chance.interval[1]
+    assert chance.value == pytest.approx(truth, rel=0.05)
+    assert found.failing is not None
+    assert set(found.failing.theta[:, 1].tolist()) <= {0.0, 1.0}, "the choices themselves"
 
 
 @pytest.mark.slow
