@@ -382,7 +382,7 @@ def estimate(
     drawn, theta = Stages(stages), np.concatenate(thetas)
     real = _judged(theta, joined(parts), drawn, drivers, settings.judges)
     controls: tuple[_Played, _Played] | None = None
-    if plays is not None and proposal is not None and settings.controlled:
+    if plays is not None and proposal is not None and settings.controlled and len(theta):
         many = proposal.sample(_CONTROLLED, generator)
         own, others = (
             _judged(rows, plays(rows), drawn, plays, settings.judges) for rows in (theta, many)
@@ -411,13 +411,17 @@ def estimate(
             _colliding(prior.chosen(theta), controls[0]),
             _colliding(prior.chosen(many), controls[1]),
         )
-    kept = FailingDraws(
-        prior.chosen(theta[colliding]),
-        real.weights[colliding],
-        len(theta),
-        drawn.greatest,
-        ratios[:, colliding],
-        control_rows,
+    kept = (
+        None
+        if not len(theta)
+        else FailingDraws(
+            prior.chosen(theta[colliding]),
+            real.weights[colliding],
+            len(theta),
+            drawn.greatest,
+            ratios[:, colliding],
+            control_rows,
+        )
     )
     return Estimate(probabilities, len(theta), settings.runs - len(theta), looked, failing=kept)
 
@@ -444,9 +448,8 @@ def _ratios(
 
 def _shared(runs: int, stages: int) -> list[int]:
     """Runs of each stage."""
-    return [
-        runs * (stage + 1) // stages - runs * stage // stages for stage in range(min(stages, runs))
-    ]
+    stages = min(stages, runs)
+    return [runs * (stage + 1) // stages - runs * stage // stages for stage in range(stages)]
 
 
 def _failures_on(

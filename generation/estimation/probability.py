@@ -135,7 +135,10 @@ def probability(
         control: in plays; None where there is none.
     """
     found = weights * failing
-    n, value, residual, extra = len(found), float(found.mean()), found - found.mean(), 0.0
+    n = len(found)
+    if not n:
+        return Probability(0.0, 0.0, 0.0, 1.0)
+    value, residual, extra = float(found.mean()), found - found.mean(), 0.0
     if control is not None:
         same, many = weights * control.same, control.weights * control.failing
         spread = same - same.mean()
@@ -144,10 +147,11 @@ def probability(
         value -= slope * float(same.mean() - many.mean())
         residual = residual - slope * spread
         extra = slope**2 * float(many.var(ddof=1)) / len(many)
-    deviation = math.sqrt(float(residual @ residual) / (n - 1) / n + extra)
+    # A single draw has no spread to measure: its interval is all from 0 to 1.
+    deviation = math.sqrt(float(residual @ residual) / (n - 1) / n + extra) if n > 1 else math.inf
     squares = float(found @ found)
     effective = float(found.sum()) ** 2 / squares if squares > 0.0 else 0.0
-    return Probability(max(value, 0.0), deviation, effective, _rare(n) * greatest)
+    return Probability(max(value, 0.0), deviation, effective, _rare(n, greatest))
 
 
 class FailingDraws(NamedTuple):
@@ -190,7 +194,7 @@ class FailingDraws(NamedTuple):
             variance = self._residual(within, slope, same) + slope**2 * many.variance
         effective = float(own.sum()) ** 2 / square if square > 0.0 else 0.0
         spread = density_spread(self.ratios[:, within], own[within])
-        bound = _rare(self.draws) * self.greatest
+        bound = _rare(self.draws, self.greatest)
         alone = None
         if self.control is not None and effective < LEAST_EFFECTIVE:
             alone = self._counted_alone(own if square > 0.0 else many.weights, effective)
@@ -275,9 +279,11 @@ _GREATEST = 5.0
 knows little"""
 
 
-def _rare(n: int) -> float:
-    """Upper 95 % limit of a share after n draws without an event: the rule of three, exactly."""
-    return float(-np.expm1(math.log(0.05) / n))
+def _rare(n: int, greatest: float) -> float:
+    """Upper 95 % limit of a probability after n draws without an event: the rule of three, exactly,
+    of as much as no weight exceeds."""
+    # Few draws of great weights exclude nothing: the product alone would be above 1.
+    return min(float(-np.expm1(math.log(0.05) / n)) * greatest, 1.0)
 
 
 _DRAWS = 100_000

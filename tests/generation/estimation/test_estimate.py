@@ -19,6 +19,7 @@ from generation.estimation.estimate import (
 )
 from generation.estimation.probability import FailingDraws, WeightedRows
 from generation.search.outcomes import Outcomes
+from generation.search.problem import Plays
 from generation.space.density.marginals import Choices, DeclaredPrior, uniform
 from schemas.common.array_types import BoolArray, FloatArray
 
@@ -56,6 +57,26 @@ def test_weights_of_draws_have_the_mean_1() -> None:
     assert PRIOR.possible(theta).all()
     assert weights.max() <= 5.0 + 1e-9
     assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(20_000))
+
+
+def erring(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """No run takes place."""
+    return Outcomes.of(len(theta), status=["error"] * len(theta))
+
+
+@pytest.mark.parametrize("plays", [None, failing])
+def test_an_estimate_without_a_run_knows_nothing(plays: Plays | None) -> None:
+    found = estimate(PRIOR, erring, erring, NONE, plays, EstimateSettings(5, 0))
+    chance = found.probabilities[FAILURE]
+    assert (chance.value, chance.interval, chance.stable) == (0.0, (0.0, 1.0), False)
+    assert (found.runs, found.failed, found.failing) == (0, 5, None)
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_an_estimate_of_few_runs_spends_them_all_and_is_wide(runs: int) -> None:
+    found = estimate(PRIOR, failing, failing, NONE, None, EstimateSettings(runs, 0))
+    assert (found.runs, found.failed) == (runs, 0)
+    assert found.probabilities[FAILURE].interval[1] > 0.7
 
 
 CHOSEN = DeclaredPrior({"a": uniform(0.0, 1.0), "c": Choices((0.0, 1.0), (0.75, 0.25))}, None)

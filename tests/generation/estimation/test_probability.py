@@ -74,3 +74,13 @@ def test_an_unsure_density_widens_the_interval() -> None:
 def test_estimates_tell_no_more_digits_than_they_know() -> None:
     assert str(Probability(1.234e-3, 1e-5, 90.0, 1.0)) == "1.2e-03 [1.2e-03, 1.3e-03]"
     assert str(Rate(0.01234, (0.01, 0.0156))) == "1.2e-02 [1.0e-02, 1.6e-02]"
+
+
+def test_a_single_draw_that_fails_leaves_its_probability_open() -> None:
+    found = probability(np.array([True]), np.array([0.5]), 5.0)
+    assert (found.value, found.interval, found.stable) == (0.5, (0.0, 1.0), False)
+
+
+def test_few_draws_of_great_weights_bound_nothing() -> None:
+    found = probability(np.array([False, False]), np.array([0.5, 0.2]), 5.0)
+    assert found.interval == (0.0, 1.0)
