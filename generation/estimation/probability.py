@@ -65,7 +65,9 @@ class Probability(NamedTuple):
         """Interval of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of
         positive values are skewed."""
         if self.value <= 0.0:
-            return 0.0, self.bound
+            # Plays may take away as much as fails in runs: these then bound it, not their absence.
+            alone = 0.0 if self.counted_alone is None else self.counted_alone[1]
+            return 0.0, min(max(self.bound, alone), 1.0)
         factor = math.exp(_NORMAL * self.spread)
         low, high = self.value / factor, self.value * factor
         if self.counted_alone is not None:
@@ -94,6 +96,11 @@ class Probability(NamedTuple):
         return self._replace(bound=min(self.bound, other.interval[1])) if other.stable else self
 
     @property
+    def unseen(self) -> str:
+        """Remark in parentheses where no draw fails; empty where one does."""
+        return "" if self.effective > 0.0 else " (no draw fails)"
+
+    @property
     def counted(self) -> str:
         """The effective number of failures, for people."""
         return many(round(self.effective), "effective failure")
@@ -101,7 +108,7 @@ class Probability(NamedTuple):
     def __str__(self) -> str:
         low, high = self.interval
         if self.value <= 0.0:
-            return f"below {high:.1e} (no draw fails)"
+            return f"below {high:.1e}{self.unseen}"
         shown = f"{self.value:.1e} [{low:.1e}, {high:.1e}]"
         return shown if self.stable else f"{shown}, unstable: {self.counted}"
 

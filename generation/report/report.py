@@ -212,7 +212,7 @@ def chance(found: Probability) -> str:
     """A probability with its interval, in percent."""
     low, high = found.interval
     if found.value <= 0.0:
-        return f"at most {percent(high)} (no draw fails)"
+        return f"at most {percent(high)}{found.unseen}"
     return (
         f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
     )

@@ -84,3 +84,9 @@ def test_a_single_draw_that_fails_leaves_its_probability_open() -> None:
 def test_few_draws_of_great_weights_bound_nothing() -> None:
     found = probability(np.array([False, False]), np.array([0.5, 0.2]), 5.0)
     assert found.interval == (0.0, 1.0)
+
+
+def test_failing_draws_that_plays_take_away_still_bound_it() -> None:
+    found = Probability(0.0, 0.01, 1.0, 0.02, counted_alone=(0.001, 0.05))
+    assert found.interval == (0.0, 0.05)
+    assert str(found) == "below 5.0e-02", "a draw does fail"
