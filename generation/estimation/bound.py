@@ -118,6 +118,8 @@ def draws_until(
         over: whether the time is over.
         progress: called with the number of draws after each block of them.
     """
+    # Another stream than that of the search's unguided draws, which has two numbers: the failures
+    # of the same draws would all be known already.
     generator = np.random.default_rng([seed, len(space.names), 1])
     columns = distinctive(space)
     known = space.unit(found)[:, columns]
@@ -128,6 +130,8 @@ def draws_until(
     while draws < needed and not len(against):
         if out_of_time := over():
             break
+        # Never more than the bound needs: `needed` was set before the first draw, so stopping there
+        # does not depend on what was seen.
         theta = prior.sample(min(_BLOCK, needed - draws), generator)
         outcomes = plays(theta)
         failed: BoolArray = outcomes.executed & outcomes.collision
@@ -138,6 +142,7 @@ def draws_until(
             rows = rows[apart(space.unit(theta[rows])[:, columns], known, NEAR)]
         if rows.size:
             shown = rows[:_CONFIRMED]
+            # Arrays are a second implementation: only a failure that runs show too refutes a bound.
             again = evaluate(theta[shown])
             against = theta[shown[again.executed & again.collision]]
             survived = int((again.executed & ~again.collision).sum())

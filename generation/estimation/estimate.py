@@ -119,7 +119,9 @@ class Proposal:
             kernel.sample(count, generator)
             for count, (_, kernel) in zip(counts, self._kernels, strict=True)
         ]
+        # Whoever takes the first rows (`until_possible`) would else get those of the first kernels.
         theta[:, self._columns] = generator.permutation(np.concatenate(drawn))
+        # Rows outside are drawn again and need no nuisances.
         inside = self._prior.inside(theta)
         theta[inside] = self._prior.with_nuisances(theta[inside])
         return theta
@@ -128,6 +130,7 @@ class Proposal:
     def _log_share(self) -> float:
         """log of the share of the kernels that is possible."""
         return float(
+            # A seed of its own: q is one density, whichever draws are weighed.
             np.log(self._prior.possible(self._around(_COUNTED, np.random.default_rng(0))).mean())
         )
 
@@ -145,6 +148,7 @@ class Proposal:
 
     def weights(self, theta: FloatArray) -> FloatArray:
         """p/q of possible points (n, d): (n,)."""
+        # In logarithms: densities of several parameters leave the range of floating-point numbers.
         log_p = self._prior.log_density(theta)
         rows = theta[:, self._columns]
         kernels = [np.log(share) + kernel.log_density(rows) for share, kernel in self._kernels]
@@ -186,12 +190,14 @@ class Stages:
         """p/q of possible points (n, d): (n,)."""
         ratio = np.zeros(len(theta))
         for share, proposal in self._shares:
+            # 1 / weights is q_t / p, and 1 where q_t is the prior itself.
             ratio += share if proposal is None else share / proposal.weights(theta)
         return 1.0 / ratio
 
     @property
     def greatest(self) -> float:
         """Weight that none exceeds."""
+        # q is nowhere below Σ n_t/n a_t p, so no weight is above the reciprocal.
         defensive = sum(
             share if proposal is None else share * proposal.defensive
             for share, proposal in self._shares
@@ -358,6 +364,7 @@ def estimate(
     generator = np.random.default_rng(settings.seed)
     stages, thetas, parts, looked = list[Stage](), list[FloatArray](), list[Outcomes](), 0
     known = known._replace(theta=prior.spread(known.theta, generator))
+    # Plays tell before the first run where failures are; runs have to look in stages.
     for runs in _shared(settings.runs, _STAGES if plays is None else 1):
         proposal, failures = (
             _failures_on(prior, plays, generator)
@@ -375,11 +382,13 @@ def estimate(
         stages.append(Stage(len(theta), proposal))
         thetas.append(theta)
         parts.append(outcomes)
+        # What this stage has run tells the next one where to look.
         known = Known(
             np.concatenate([known.theta, theta]),
             np.concatenate([known.failing, outcomes.collision]),
         )
     drawn, theta = Stages(stages), np.concatenate(thetas)
+    # Each draw weighs as one of the mixture of all stages, whichever stage drew it.
     real = _judged(theta, joined(parts), drawn, drivers, settings.judges)
     controls: tuple[_Played, _Played] | None = None
     if plays is not None and proposal is not None and settings.controlled and len(theta):
@@ -390,6 +399,7 @@ def estimate(
         controls = own, others
     probabilities, ratios = {}, np.zeros((settings.resampled, len(theta)))
     colliding = real.outcomes.collision
+    # Only failures enter the sums, so densities of resampled recordings are compared there alone.
     ratios[:, colliding] = _ratios(prior, theta[colliding], settings, generator)
     for name, failing in _events(real).items():
         control = None
@@ -401,6 +411,7 @@ def estimate(
             density=density_spread(ratios[:, failing], real.weights[failing])
         )
     probabilities = {
+        # Every event is a part of the failures: none may have a higher limit than these.
         name: probability.within(probabilities[FAILURE])
         for name, probability in probabilities.items()
     }
@@ -448,6 +459,7 @@ def _ratios(
 
 def _shared(runs: int, stages: int) -> list[int]:
     """Runs of each stage."""
+    # Differences of rounded totals: stages differ by one run at most, and all runs are spent.
     stages = min(stages, runs)
     return [runs * (stage + 1) // stages - runs * stage // stages for stage in range(stages)]
 
@@ -503,6 +515,7 @@ def _judged(
     theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers, judges: Sequence[str]
 ) -> _Played:
     preventable = outcomes.collision.copy()
+    # Each judge costs a run a point: only failures are driven again.
     preventable[preventable] = survivors(theta[preventable], drivers, judges)
     return _Played(drawn.weights(theta), outcomes, preventable)
 
@@ -517,5 +530,6 @@ def _events(played: _Played) -> dict[str, BoolArray]:
             if np.isfinite(high)
             else f"impact at {low:g} m/s or more"
         )
+        # A failure by a limit alone has no impact: it is in none of the bands.
         events[name] = played.outcomes.touching & (speed >= low) & (speed < high)
     return events

@@ -150,9 +150,13 @@ def probability(
         same, many = weights * control.same, control.weights * control.failing
         spread = same - same.mean()
         square = float(spread @ spread)
+        # Without variance in plays there is nothing to regress on; β = 0 is the estimate without
+        # plays.
         slope = float(residual @ spread) / square if square > 0.0 else 0.0
         value -= slope * float(same.mean() - many.mean())
         residual = residual - slope * spread
+        # G is a mean of draws itself: its error is added, or intervals were too short for few
+        # plays.
         extra = slope**2 * float(many.var(ddof=1)) / len(many)
     # A single draw has no spread to measure: its interval is all from 0 to 1.
     deviation = math.sqrt(float(residual @ residual) / (n - 1) / n + extra) if n > 1 else math.inf
@@ -188,6 +192,7 @@ class FailingDraws(NamedTuple):
         within = inside(self.theta)
         own = np.where(within, self.weights, 0.0)
         value, square = float(own.sum()) / self.draws, float(own @ own)
+        # Draws that pass are zeros, which are not kept: their number suffices for the moments.
         variance = max(square / self.draws - value**2, 0.0) / max(self.draws - 1, 1)
         if self.control is not None:
             same, many = (
@@ -204,6 +209,7 @@ class FailingDraws(NamedTuple):
         bound = _rare(self.draws, self.greatest)
         alone = None
         if self.control is not None and effective < LEAST_EFFECTIVE:
+            # Plays may be wrong in a small part; then its few runs bound it beside them.
             alone = self._counted_alone(own if square > 0.0 else many.weights, effective)
         return Probability(max(value, 0.0), math.sqrt(variance), effective, bound, spread, alone)
 
@@ -266,6 +272,7 @@ class WeightedRows(NamedTuple):
 
 def _dot(one: FloatArray, first: FloatArray, other: FloatArray, second: FloatArray) -> float:
     """Sum over rows that both have of the product of their weights."""
+    # By their bytes: both tables are rows of the same draws, so equal ones are equal to the bit.
     of = dict(
         zip((row.tobytes() for row in np.ascontiguousarray(one)), first.tolist(), strict=True)
     )
@@ -278,6 +285,7 @@ def density_spread(ratios: FloatArray, weights: FloatArray) -> float:
     weights w (n,)."""
     if not ratios.size:
         return 0.0
+    # The logarithm of the sum, not the mean of logarithms: a density moves the estimate as a whole.
     return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
 
 
@@ -346,6 +354,7 @@ class Driving:
 
     def rates(self, probability: Probability) -> dict[str, Rate]:
         """Failures per hour of driving and per 1,000 km, by these names."""
+        # A fixed seed: the same search gives the same interval to the last digit.
         generator = np.random.default_rng(0)
         chances, chance = _chances(probability, generator)
         met = self._counts * generator.beta(
@@ -357,6 +366,7 @@ class Driving:
             (PER_DISTANCE, self.exposure.kilometres / _DISTANCE),
         ):
             low, high = np.quantile(chances * met / driven, (0.025, 0.975))
+            # No draw fails: there is no lower limit, and all 5 % are left above the upper one.
             if not chance:
                 low, high = 0.0, np.quantile(chances * met / driven, 0.95)
             found[name] = Rate(chance * self.per[name], (float(low), float(high)))
@@ -389,12 +399,17 @@ class Driving:
         """
         generator = np.random.default_rng(1)
         if len(self.parts) < _RESAMPLED:
+            # Jeffreys' prior of a Poisson mean: no recorded manoeuvre still leaves a rate above
+            # zero.
             return generator.gamma(self.count + _HALF, 1.0, _DRAWS)
         met, driven = np.zeros(_DRAWS), np.zeros(_DRAWS)
+        # Within each kind of site: how much of each was recorded was chosen, and is no matter of
+        # chance.
         for parts in self.sites.values():
             drawn = generator.multinomial(len(parts), [1.0 / len(parts)] * len(parts), _DRAWS)
             met += drawn @ np.array([part.counts.get(self.kind, 0) for part in parts])
             driven += drawn @ np.array([part.hours for part in parts])
+        # A ratio of sums: recordings differ in length, and so do bootstrap samples of them.
         return met * self.exposure.hours / driven
 
     @property
@@ -479,6 +494,7 @@ def _chances(probability: Probability, generator: np.random.Generator) -> tuple[
     """Draws of a probability, and its value; where no draw failed, exponential with 95 % below the
     bound."""
     if probability.value <= 0.0:
+        # The exponential distribution that exceeds the bound in 5 % of its draws.
         return generator.exponential(-probability.bound / math.log(0.05), _DRAWS), 0.0
     return np.minimum(
         probability.value * np.exp(probability.spread * generator.standard_normal(_DRAWS)), 1.0
