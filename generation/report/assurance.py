@@ -83,6 +83,8 @@ class Coverage:
     untested: tuple[Cell, ...]
 
     def __str__(self) -> str:
+        if not self.pairs:
+            return "one parameter alone is searched: there are no cells of two"
         return (
             f"{self.tested} of {many(self.cells, 'cell')} of two parameters are tested "
             f"({self.tested / max(self.cells, 1):.1%}), {self.failing} with a failure; they hold "
@@ -199,11 +201,11 @@ def sensitivity(generated: Generated) -> Sensitivity | str:
             "a model of what failures depend on"
         )
     told = np.flatnonzero(distinctive(space))
-    if len(told) < 2:
-        return "one parameter alone is searched"
     drawn = space.unit(generated.prior.sample(_DRAWN, np.random.default_rng(0)))[:, told]
     low, high = np.quantile(drawn, [_TAIL, 1.0 - _TAIL], axis=0)
     told, low, high = told[high > low], low[high > low], high[high > low]
+    if len(told) < 2:
+        return "one parameter alone varies in the density's draws"
     rows = evenly(failing, _LEARNT)
     x = space.unit(generated.episodes.theta[outcomes.executed])[np.ix_(rows, told)]
     try:

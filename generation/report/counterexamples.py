@@ -10,7 +10,7 @@ unguided draws alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -336,6 +336,8 @@ _FOLDS, _SLICED, _GRID = 5, 3, 60
 """Folds of the cross-validation, measures that slices are made of, and points
 along the sides of a slice
 """
+_LINEAR = 1e-9
+"""Difference from 1 below which a correlation is one but for rounding"""
 _ROOM = 0.02
 """Room around the runs of a slice, as a share of their range"""
 
@@ -391,7 +393,9 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
     rows = np.stack([measure.values for measure in measures], axis=1)
     scores = _scores(rows, failing)
     weights = _weights(_model().fit(rows, failing), rows, failing)
-    drawn, held = list(weights)[:_SLICED], np.median(rows[failing], axis=0)
+    drawn, held = _independent(rows, weights), np.median(rows[failing], axis=0)
+    if len(drawn) < 2:
+        return "all measures that vary follow from one: there is nothing to draw over two"
     few = rows[:, drawn]
     model, alone = _model().fit(few, failing), _scores(few, failing)["test_balanced_accuracy"]
     slices = [
@@ -408,6 +412,18 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
         float(alone.mean()),
         slices,
     )
+
+
+def _independent(rows: FloatArray, order: Iterable[int]) -> list[int]:
+    """The first `_SLICED` measures of which none is a linear function of one before it."""
+    # The closing speed is the ego's speed less a pinned one: runs over the two lie on a line, which
+    # has no area to draw a boundary in.
+    alike = np.abs(np.corrcoef(rows, rowvar=False)) > 1.0 - _LINEAR
+    chosen = list[int]()
+    for index in order:
+        if not alike[index, chosen].any():
+            chosen.append(index)
+    return chosen[:_SLICED]
 
 
 def _model() -> Pipeline:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from generation.pipeline import Generated
-from generation.report.assurance import Assurance, Sensitivity, coverage, sensitivity
+from generation.report.assurance import Assurance, Coverage, Sensitivity, coverage, sensitivity
 from generation.search.gate import Gate, Share
 from generation.search.outcomes import Cases, Episodes, Outcomes
 from generation.search.problem import History
+from generation.space.density.marginals import Choices, DeclaredPrior, uniform
+from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import Parameter
 from schemas.common.array_types import BoolArray, FloatArray
 from tests.generation.report.searches import CUT_IN, SPACE, recorded, settings
 
@@ -64,6 +67,28 @@ def test_few_failures_make_no_indices(drawn: FloatArray) -> None:
     assert reason == (
         "19 failures and 581 other runs: 20 of each make a model of what failures depend on"
     )
+
+
+def test_parameters_that_hardly_vary_decide_nothing(drawn: FloatArray) -> None:
+    rare = Choices((0.0, 1.0), (0.999, 0.001))
+    prior = DeclaredPrior({"a": rare, "b": rare}, None)
+    theta = np.random.default_rng(3).integers(0, 2, (200, 2)).astype(float)
+    space = Space((Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)))
+    searched = replace(found(drawn[:0], np.zeros(0, bool)), space=space, prior=prior)
+    outcomes = Outcomes.of(200, collision=theta[:, 0] > 0.5)
+    searched = replace(searched, episodes=Episodes(theta, outcomes, np.zeros(200)))
+    assert sensitivity(searched) == "one parameter alone varies in the density's draws"
+
+
+def test_a_single_parameter_has_no_cells_of_two() -> None:
+    one = DeclaredPrior({"a": uniform(0.0, 1.0)}, None)
+    theta = one.sample(50, np.random.default_rng(3))
+    searched = found(PRIOR.sample(1, np.random.default_rng(0)), np.zeros(1, bool))
+    episodes = Episodes(theta, Outcomes.of(50), np.zeros(50))
+    space = Space((Parameter("a", 0.0, 1.0),))
+    alone = coverage(replace(searched, space=space, prior=one, episodes=episodes))
+    assert isinstance(alone, Coverage)
+    assert str(alone) == "one parameter alone is searched: there are no cells of two"
 
 
 def test_cells_without_a_run_are_named(drawn: FloatArray) -> None:

@@ -55,6 +55,17 @@ def test_what_chance_decides_scores_like_chance() -> None:
     assert found.accuracy == pytest.approx(0.5, abs=0.06)
 
 
+def test_measures_that_follow_from_another_one_are_not_drawn_over_it() -> None:
+    of = drawn()
+    closing = Measure("closing speed", "m/s", of[0].values - 7.3)
+    found = region([of[0], closing, of[1]], of[0].values + of[1].values > 0.3)
+    assert isinstance(found, Region)
+    assert [{each.across, each.up} for each in found.slices] in ([{0, 2}], [{1, 2}])
+    assert region([of[0], closing], of[0].values > 0.3) == (
+        "all measures that vary follow from one: there is nothing to draw over two"
+    )
+
+
 def test_too_few_failures_have_no_boundary() -> None:
     assert (
         region(drawn(), np.arange(600) < 5)
