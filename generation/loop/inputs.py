@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -77,12 +79,14 @@ class Inputs(NamedTuple):
     def names(self) -> dict[Path, str]:
         """A name for each scenario, no two the same: its file's, with the folders below ours where
         others have that too."""
-        stems = [path.stem for path in self.scenarios]
+        stems = Counter(path.stem for path in self.scenarios)
         inside = {path: path.relative_to(self.folder).with_suffix("") for path in self.scenarios}
-        return {
-            path: path.stem if stems.count(path.stem) == 1 else "_".join(inside[path].parts)
-            for path in self.scenarios
-        }
+        return distinct(
+            {
+                path: path.stem if stems[path.stem] == 1 else "_".join(inside[path].parts)
+                for path in self.scenarios
+            }
+        )
 
     @property
     def recorded(self) -> str:
@@ -107,6 +111,18 @@ class Inputs(NamedTuple):
         """A short name for the scenarios, with the roads and catalogues that they refer to, by
         their content."""
         return digest(repr([played(path, run) for path in self.scenarios]).encode())
+
+
+def distinct(names: Mapping[Path, str], taken: Iterable[str] = ()) -> dict[Path, str]:
+    """Names by file, numbered where a file before it has the same name, or `taken` holds it."""
+    # A target's name is that of its stage and folder: of two with one name the second would be lost
+    # without a word. `a/b.xosc` has the name of `a_b.xosc`, and a file may have that of a class.
+    used, found = set(taken), dict[Path, str]()
+    for path, name in names.items():
+        numbered = (f"{name}_{number}" for number in count(2))
+        found[path] = next(other for other in chain([name], numbered) if other not in used)
+        used.add(found[path])
+    return found
 
 
 def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
@@ -207,10 +223,10 @@ def _of_catalogue(
     if scenario is None:
         return None
     space = Space.of(scenario.path)
-    count = len(scenario.on(space).within(space).theta)
+    recorded = len(scenario.on(space).within(space).theta)
     return (
-        SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(count, own=True))
-        if count >= LEAST
+        SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(recorded, own=True))
+        if recorded >= LEAST
         else None
     )
 

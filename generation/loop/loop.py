@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,15 @@ from generation.loop.findings import (
     Round,
     Searched,
 )
-from generation.loop.inputs import Inputs, SearchTarget, of_classes, of_inputs, played, split
+from generation.loop.inputs import (
+    Inputs,
+    SearchTarget,
+    distinct,
+    of_classes,
+    of_inputs,
+    played,
+    split,
+)
 from generation.loop.runs import FinishedStages, Report, run_all, sampled
 from generation.loop.searches import Earlier, Searchers, compare, found_by, search
 from generation.search.settings import LoopSettings
@@ -138,13 +145,14 @@ class _Loop:
         self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
         self._stages, self._once = stages, stages.once
         self._earlier: dict[str, list[Searched]] = {}
+        self._names = inputs.names
         self._recorded, self._played = inputs.recorded, inputs.played(settings.run)
 
     def recognise(self) -> tuple[Recognised, list[SearchTarget], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
         found = Recognised()
         own: Samples | None = None
-        listed: Iterable[SearchTarget | Refused] = []
+        listed: list[SearchTarget | Refused] = []
         if self._inputs.recordings:
             catalogue, model = self._out / CATALOGUE, self._out / loop_runs.MODEL
             make = partial(
@@ -174,10 +182,10 @@ class _Loop:
             measured = self._once(LoopStage("measure"), Measured, measure, self._recorded, (table,))
             found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
-            listed = of_classes(rows_of(catalogue), catalogue, own)
-        targets, refused = split(
-            chain(listed, of_inputs(self._inputs.names, own, self._settings.ask))
-        )
+            listed = list(of_classes(rows_of(catalogue), catalogue, own))
+        classes = (target.name for target in listed if isinstance(target, SearchTarget))
+        self._names = distinct(self._inputs.names, classes)
+        targets, refused = split([*listed, *of_inputs(self._names, own, self._settings.ask)])
         return found, targets, refused
 
     def round(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> Round:
@@ -297,9 +305,7 @@ class _Loop:
             target.scenario, self._settings.run, asked.pinned if asked is not None else {}
         )
         own = [
-            digest(path.read_bytes())
-            for path, name in self._inputs.names.items()
-            if name == target.name
+            digest(path.read_bytes()) for path, name in self._names.items() if name == target.name
         ]
         return digest(repr((self._recorded, scenario, own)).encode())
 

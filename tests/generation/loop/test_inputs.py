@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from generation.loop.findings import closing
-from generation.loop.inputs import Inputs
+from generation.loop.inputs import Inputs, distinct
 from generation.loop.loop import run_loop
 from generation.loop.xosc_loop import main
 from generation.search.settings import LoopSettings
@@ -237,3 +237,7 @@ def test_scenarios_of_the_same_name_have_names_of_their_own(tmp_path: Path) -> N
         shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path / folder / "mine.xosc")
     shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path / "other.xosc")
     assert sorted(Inputs.of(tmp_path).names.values()) == ["a_mine", "b_c_mine", "other"]
+    shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path / "a_mine.xosc")
+    found = Inputs.of(tmp_path).names
+    assert sorted(found.values()) == ["a_mine", "a_mine_2", "b_c_mine", "other"]
+    assert distinct(found, ["other", "other_2"])[tmp_path / "other.xosc"] == "other_3"
