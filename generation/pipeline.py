@@ -555,6 +555,7 @@ class _Course:
         if (
             self._every is not None
             and self._runs < self._budget
+            # A batch of runs may step over several multiples at once, and seldom ends on one.
             and self._runs // self._every > before // self._every
         ):
             self._interim(self.history)
@@ -572,6 +573,8 @@ _LOST = 20
 
 def _all_errors(parts: Sequence[Outcomes]) -> bool:
     outcomes = joined(parts)
+    # A few errors may be of single points; so many without one run are of the scenario or the
+    # system.
     return len(outcomes) >= _LOST and bool((outcomes.status == "error").all())
 
 

@@ -371,6 +371,7 @@ def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
     picked = []
     for title in sorted(classes):
         listed = sorted(classes[title], key=lambda row: (-(row["confidence"] or 0.0), row["file"]))
+        # Both ends of the certainty are shown, and one row alone is the surest.
         count = min(most, len(listed))
         picked += [
             listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)

@@ -447,6 +447,7 @@ def _value(kind: Any, value: Any) -> Any:
 
 
 def _expect(kind: Any, value: Any) -> Any:
+    # A bool is an int to Python, and no number in JSON.
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise TypeError(f"{getattr(kind, '__name__', kind)} is expected, not {value!r}")
     return value

@@ -153,6 +153,7 @@ class _Ranges(NamedTuple):
 def _counted(one: IntArray, other: IntArray, shape: tuple[int, int]) -> IntArray:
     """Number of points in each cell."""
     found = np.zeros(shape, np.int64)
+    # `found[one, other] += 1` would count points of the same cell once.
     np.add.at(found, (one, other), 1)
     return found
 
@@ -246,6 +247,7 @@ def _indices(
         learnt = generator.integers(len(x), size=len(x))
         forest = forests.ExtraTreesRegressor(_TREES, random_state=number)
         forest.fit(differences(x[learnt]), values[learnt])
+        # About a third of the runs is in no sample: they test the model without being spent.
         left = np.setdiff1d(np.arange(len(x)), learnt)
         error = values[left] - forest.predict(differences(x[left]))
         explained.append(

@@ -65,6 +65,7 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
         (name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names),
         None,
     )
+    # Where no actor has a measure, parameters with a role are shown as they are.
     read = set(roles) if found else set(nuisances)
     if ego is not None and found:
         whose = "leader" if EGO in actors else "ego"
@@ -83,6 +84,7 @@ def _of_categories(
     """Measures of what codes (n,) stand for: values of parameters where all are numbers; else, of
     each value, or of the first one of two, whether a point has it, 1 or 0."""
     names = list(dict.fromkeys(name for texts in coded.values() for name in texts))
+    # A search moves between codes; a point stands for the nearest one (`Space`).
     near = np.abs(codes[:, None] - np.array(list(coded))).argmin(axis=1)
     for name in names:
         texts = [entry.get(name, "") for entry in coded.values()]
@@ -92,6 +94,7 @@ def _of_categories(
         try:
             numbers = np.array([float(text) for text in texts])
         except ValueError:
+            # Of two values, one measure tells both.
             for value in different[:-1] if len(different) == 2 else different:
                 has = np.array([float(text == value) for text in texts])
                 yield Measure(f"{name} is {value or 'its default'}", "", has[near])
@@ -431,6 +434,8 @@ def _model() -> Pipeline:
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
+    # Balanced: searches crowd about failures or hardly hit any, and the rarer outcome counts as
+    # much.
     regression = LogisticRegression(class_weight="balanced", max_iter=2000)
     return make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), regression)
 
@@ -438,6 +443,7 @@ def _model() -> Pipeline:
 def _scores(rows: FloatArray, failing: BoolArray) -> dict[str, Any]:
     from sklearn.model_selection import StratifiedKFold, cross_validate
 
+    # Shuffled: runs are in the order of the search, whose phases look in different places.
     folds = StratifiedKFold(_FOLDS, shuffle=True, random_state=0)
     found: dict[str, Any] = cross_validate(
         _model(), rows, failing, cv=folds, scoring=("balanced_accuracy", "roc_auc")
@@ -465,6 +471,7 @@ def _boundary(
     xs, ys = (np.linspace(*limits(rows[:, index]), _GRID) for index in (across, up))
     grid = np.repeat(held[None], _GRID * _GRID, axis=0)
     grid[:, across], grid[:, up] = (axis.ravel() for axis in np.meshgrid(xs, ys))
+    # Beyond the hull of the runs the model only extrapolates: no boundary is drawn there.
     reached = Delaunay(rows[:, [across, up]]).find_simplex(grid[:, [across, up]]) >= 0
     decided = np.ma.masked_array(model.decision_function(grid), ~reached).reshape(_GRID, _GRID)
     (path,) = Figure().subplots().contour(xs, ys, decided, levels=[0.0]).get_paths()
@@ -608,6 +615,7 @@ class FailureRegion(NamedTuple):
     @property
     def importance(self) -> tuple[bool, float]:
         """Order: regions with edge cases first, then by probability times severity."""
+        # Half a draw more: among regions that no draw hit, the severer one still comes first.
         likely = self.chance.value + 0.5 / (self.chance.draws + 1.0)
         return self.edge_cases > 0, likely * (1.0 + self.severity)
 
@@ -671,6 +679,7 @@ def with_parts(
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
     unit, rows = space.unit(theta)[:, columns], np.stack([measure.values for measure in by], axis=1)
+    # From 0 on, as `_Parts` indexes by them.
     labels = np.unique(grouped(unit[failing], LINKED), return_inverse=True)[1]
     parts = _Parts(generated, columns, unit[failing], labels)
     collided = np.flatnonzero(generated.cases.outcomes.collision)
@@ -758,6 +767,7 @@ def _near(unit: FloatArray, others: FloatArray) -> BoolArray:
 
     if not len(unit):
         return np.empty(0, bool)
+    # `NEAR` is a root mean square over the parameters, `cdist` a sum of squares.
     return np.asarray(cdist(unit, others).min(axis=1) < NEAR * np.sqrt(unit.shape[1]))
 
 
@@ -803,6 +813,7 @@ def _traffic_scores(
     if generated.draws is None or not bounds:
         return Share(0, 0), Share(0, 0)
     drawn, outcomes, _ = generated.draws
+    # Draws are among the executed runs, whose measures are worked out already.
     place = {row.tobytes(): number for number, row in enumerate(np.ascontiguousarray(theta))}
     ran = [
         number for number in np.flatnonzero(outcomes.executed) if drawn[number].tobytes() in place
@@ -824,6 +835,7 @@ _GAIN = 0.01
 
 def _candidates(rows: FloatArray, of: BoolArray) -> Iterator[Bound]:
     for measure in range(rows.shape[1]):
+        # Not the extremes: a single failure far out would make a bound that holds for all runs.
         low, high = np.quantile(rows[of, measure], [_EDGE, 1.0 - _EDGE])
         yield Bound(measure, True, float(low))
         yield Bound(measure, False, float(high))

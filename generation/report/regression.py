@@ -207,6 +207,7 @@ def regression(
         )
         replayed = simulator.of(jobs)
     far = _far(tried, before, settings.choice.apart)
+    # Without failures now, `all` of nothing is true: no failure of before is alike one.
     alike = np.array([not row.all() for row in far[:, tried.failing]], bool)
     fates = [
         Fate.UNKNOWN if not executed else Fate.STILL_THERE if collided or near else Fate.FIXED
@@ -261,6 +262,7 @@ def _found(
     """Fates of points (m,): of those that are unlike all failures of before."""
     fates: list[Fate | None] = [Fate.UNLIKE if far else None for far in unlike]
     rows, run = np.flatnonzero(unlike), replace(settings.run, sut=before.sut)
+    # A system that has changed under its name would be played as if it were the former one.
     if not rows.size or not before.sut or not _same(before, scenario, run):
         return fates
     with evaluator_of(scenario, tried.space, replace(settings, run=run)) as former:

@@ -192,6 +192,7 @@ def _often(drawn: str, sut: str, generated: Generated, estimate: Estimate) -> It
         f"{generated.failure.capitalize()}s that a careful driver prevents have a probability of "
         f"{chance(estimate.probabilities[PREVENTABLE])}."
     )
+    # Shares of the impacts: a failure by a limit alone is in no band.
     bands = {
         name: probability.value
         for name, probability in estimate.probabilities.items()
@@ -242,6 +243,7 @@ def figure(value: float) -> str:
     if abs(value) < _SMALLEST:
         digits, power = f"{value:.1e}".split("e")
         return f"{digits}·10{str(int(power)).translate(_RAISED)}"
+    # `#` keeps zeros that are significant, as in 0.50.
     return f"{value:#.2g}".rstrip(".")
 
 
@@ -433,6 +435,7 @@ def _films(report: SearchReport, out: Path) -> list[Json]:
     for title, page_path, reproduced, film in (*named[:regions], *chosen, *named[regions:]):
         if film is not None and reproduced:
             play = page_path.relative_to(out).as_posix()
+            # Failures with the same account look the same: the first one stands for them.
             films.setdefault(film["told"], {"title": title, "play": play, "preview": film})
     return list(films.values())[:_FILMS]
 
@@ -558,6 +561,7 @@ def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], 
         for name, value in zip(space.names, _rounded(theta), strict=True)
         if not space.categories(name)
     ]
+    # A code says nothing to a reader: the values that it stands for are shown in its place.
     coded = {
         name for each in space.names for row in space.categories(each).values() for name in row
     }

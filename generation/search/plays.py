@@ -81,6 +81,7 @@ class ArrayPlays:
         # Measures are those of the whole encounter, as in `outcomes._episode`.
         whole = False if run.end_after_collision is None else run.end_after_collision
         self._run = replace(run, world="kinematic", end_after_collision=whole)
+        # Uniform, not of the density: whether arrays suffice has to hold in the whole box.
         drawn = space.draw(_TRIED, np.random.default_rng(0))
         reason = obstacle(scenario, self._run, self._sets(drawn), fast=fast)
         if reason:
