@@ -679,7 +679,7 @@ def with_parts(
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
     unit, rows = space.unit(theta)[:, columns], np.stack([measure.values for measure in by], axis=1)
-    # From 0 on, as `_Parts` indexes by them.
+    # From 0 on: `others` below holds places in `found`, which are labels too.
     labels = np.unique(grouped(unit[failing], LINKED), return_inverse=True)[1]
     parts = _Parts(generated, columns, unit[failing], labels)
     collided = np.flatnonzero(generated.cases.outcomes.collision)

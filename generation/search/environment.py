@@ -32,7 +32,6 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         self._problem = problem
         self._moves = single(problem.space, problem.real)
-        # Gymnasium asks for spaces before the first `reset`; this start is replaced by it.
         self._edits = Edits(problem.space, problem.real[:1], self._moves)
 
     def reset(
