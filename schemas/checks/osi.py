@@ -282,6 +282,7 @@ def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str
                 "the publish time is not the timestamp",
             )
         ids.here = {}
+        # Before the rules: fields refer to things that come later in the same message.
         _collect(frame.truth, ids.here)
         for where, rule, text in _walk(frame.message, "", ids):
             yield frame.number, rule, f"{where}: {text}" if where else text

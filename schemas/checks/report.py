@@ -121,6 +121,7 @@ def xqar(results: Results) -> str:
         }
         bundle = etree.SubElement(root, "CheckerBundle", attributes)
         etree.SubElement(bundle, "Param", {"name": "InputFile", "value": xml_text(str(path))})
+        # A file with problems tells its standard by their rules; a sound one only by its ending.
         standards = {problem.rule.split(":")[1] for problem in problems}
         standard = min(standards, default=_STANDARDS.get(path.suffix.lower(), "xosc"))
         # Numbered over the whole bundle, by object: two problems may be equal.

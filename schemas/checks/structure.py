@@ -136,6 +136,7 @@ def file_has_the_ending(document: CheckedDocument) -> Iterator[Finding]:
         )
 
 
+# Their attribute `name` is that of a signal or of a value outside the file.
 _NOT_OWN_NAMES = {"TrafficSignalStateAction", "TrafficSignalCondition", "UserDefinedValueCondition"}
 _ENTITIES = {"Entities", "Catalog"}
 """Elements whose children have rules of their own: `xosc.rules.references`."""

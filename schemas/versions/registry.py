@@ -173,11 +173,13 @@ def _schemas(folder: str) -> dict[tuple[str, int, int], Schema]:
         raise UsageError(f"{SCHEMA_DIR} names {folder!r}, which is not a folder")
     schemas: dict[tuple[str, int, int], Schema] = {}
     bases: dict[tuple[str, tuple[int, int, int]], Schema] = {}
+    # The folder that the user names comes last, and so wins over packages.
     for files in (_installed(), Path(folder).expanduser().rglob("*.xsd") if folder else ()):
         group = sorted(
             (schema for path in files if (schema := _read(path))),
             key=lambda schema: (schema.version, schema.path),
         )
+        # Sorted by patch level: the highest of a version is written last and stays.
         schemas |= {(schema.standard, *schema.version[:2]): schema for schema in group}
         bases |= {(schema.standard, schema.version): schema for schema in group}
     # In ascending order, so that a made XSD can be the base of the next; one at hand wins.

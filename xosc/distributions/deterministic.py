@@ -331,6 +331,7 @@ def write_distribution(
 
 def _evaluated(node: Node) -> Node:
     """A copy with literal attributes."""
+    # Remarks quote the document as it is written (`respelled`).
     copied = Node(deepcopy(node.element), node.path)
     for part in copied.iter():
         for name in map(str, part.element.attrib):

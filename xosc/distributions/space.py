@@ -190,6 +190,7 @@ class ParameterSpace:
         """A drawn number as its parameter's type: the nearest integer for the integer types."""
         if isinstance(value, str):
             return value
+        # `round` of an infinite draw would raise; the type's check refuses it at its place.
         whole = self._types[name] not in ("double", "string") and math.isfinite(value)
         return text(round(value) if whole else value)
 
@@ -350,6 +351,7 @@ def _groups(constrained: dict[str, Node]) -> list[dict[str, Node]]:
     groups: list[set[str]] = []
     for name, declaration in constrained.items():
         joined = {name, *_needs(declaration)}
+        # A declaration that several groups depend on makes one group of them.
         apart = [group for group in groups if group.isdisjoint(joined)]
         groups = [*apart, joined.union(*(group for group in groups if group not in apart))]
     return [{name: node for name, node in constrained.items() if name in group} for group in groups]
@@ -439,6 +441,7 @@ class Selection:
             and len(found) + len(rejected) < space.size
             and tries < MAX_REJECTIONS
         ):
+            # By drawing until enough differ: a shuffled list of a space could exceed memory.
             index = draws.randrange(space.size)
             tries += 1
             if index in found or index in rejected:

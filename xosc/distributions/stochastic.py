@@ -138,6 +138,8 @@ class LogNormalDistribution(NormalDistribution):
         if self.range is None:
             return NormalDistribution(mean, variance)
         lower, upper = (
+            # A limit at 0 or below cuts nothing off: the logarithm of the least double stands for
+            # −∞.
             math.log(max(limit, _TINY))
             for limit in (self.range.lower_limit, self.range.upper_limit)
         )
@@ -248,6 +250,7 @@ class Histogram:
     def quantile(self, probability: float) -> float:
         """The value at a cumulative probability."""
         index, rest = _choose([bin_.weight for bin_ in self.bins], probability)
+        # The rest of the same number: a second one would need a stream of its own.
         return _between(self.bins[index].range, rest)
 
     @classmethod

@@ -115,6 +115,7 @@ def parameter_of_catalog_entry_has_a_default(document: CheckedDocument) -> Itera
         if (
             declaration is not None
             and not declaration.get("value")
+            # An empty text is a default too, of a string.
             and declaration.get("parameterType") != "string"
         ):
             yield Finding(
@@ -153,6 +154,7 @@ def _used(document: CheckedDocument) -> Iterator[tuple[etree._Element, str, str]
 )
 def variable_reference_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """A variableRef must name something that the scenario declares."""
+    # The name of a parameter is the fault of the rule below, and told there alone.
     declared = document.names("VariableDeclaration"), document.names("ParameterDeclaration")
     return unresolved(document, "variable", frozenset().union(*declared), "variableRef")
 

@@ -83,6 +83,7 @@ def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
     for element in document.elements("LanePosition") if network else ():
         road = network.roads.get(document.value(element, "roadId") or "") if network else None
         lane, s = document.value(element, "laneId"), document.number(element, "s")
+        # Beyond the road there are no lanes; `position_is_on_the_road` says so.
         if road is None or lane is None or s is None or not 0 <= s <= road.length:
             continue
         lanes, number = (

@@ -32,6 +32,7 @@ _HOLDERS = {"ObjectController", "AssignControllerAction"}
 def controller_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A controllerRef must name a controller that an entity has or is assigned, itself or by a
     catalogue entry."""
+    # The catalogue may not be at hand: the name of the entry is then all that is known of it.
     controllers = document.names("ObjectController", "Controller") | {
         entry
         for element, _, entry in document.values("entryName")

@@ -88,6 +88,7 @@ def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
         if chains is None:
             continue
         parts = tuple(reference.split("::"))
+        # The end of the chain: enclosing names may be given as far as they are needed.
         matches = sum(chain[-len(parts) :] == parts for chain in chains)
         if matches == 0:
             yield Finding(
@@ -162,6 +163,7 @@ def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
         edge = document.value(condition, "conditionEdge")
         for element in condition.iter(*_MAGNITUDES, "ParameterCondition"):
             truth, reason = _constant(document, element) or (True, "")
+            # The first evaluation is no edge (7.6.3), and a constant condition has no other change.
             if reason and edge in _EDGES:
                 yield Finding(element, f"never fires: {reason}, so there is no {edge} edge")
             elif not truth:

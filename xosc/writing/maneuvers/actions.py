@@ -247,6 +247,7 @@ class Dynamics(NamedTuple):
         )
 
 
+# A step takes no time, but TransitionDynamics requires a dimension and a value.
 STEP = Dynamics("step", "time", 0.0)
 """At once."""
 

@@ -179,7 +179,9 @@ def vehicle(
     return sg.Vehicle(
         name,
         enum_value("VehicleCategory", category),
+        # scenariogeneration takes the width before the length.
         sg.BoundingBox(width, length, height, x, 0.0, height / 2),
+        # Positions of axles count from the reference point: the rear axle is at 0.
         sg.Axle(_STEERING, _WHEEL_DIAMETER, _TRACK * width, wheelbase, _WHEEL_DIAMETER / 2),
         sg.Axle(0.0, _WHEEL_DIAMETER, _TRACK * width, 0.0, _WHEEL_DIAMETER / 2),
         *performance,

@@ -143,6 +143,7 @@ def trajectory_catalog(
 @lru_cache(maxsize=32)
 def _around_trajectories(header: FileHeader, version: Version) -> tuple[str, str]:
     """Return the text before and after the entries of a catalogue of polylines."""
+    # Two vertices: the XSD asks for no fewer.
     few = PolylineTrajectory("few", dict.fromkeys("txy", (0.0, 1.0)))
     text = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode()
     before, after = re.split(r" *<Trajectory .*</Trajectory>\n", text, maxsplit=1, flags=re.DOTALL)
