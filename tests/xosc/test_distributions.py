@@ -706,3 +706,18 @@ def test_public_variation_files_have_the_sizes_of_the_reference_runs(
         public = ParameterSpace(corpora / name)
         assert public.size == index + 1, name
         assert public.variation(index)[0].is_file()
+
+
+def test_overlapping_spans_choose_and_count_a_set_once() -> None:
+    sets_of = ParameterSpace("xosc/library/simple_cut_in_variation.xosc")
+    chosen = space.Selection(only=((3, 5), (4, 4), (0, 0), (5, 6)))
+    assert [number for number, _ in chosen.sets(sets_of, True)] == [0, 3, 4, 5, 6]
+    assert chosen.count(sets_of) == 5
+
+
+def test_a_span_far_beyond_the_space_is_refused_at_its_first_number() -> None:
+    sets_of = ParameterSpace("xosc/library/simple_cut_in_variation.xosc")
+    sets = space.Selection(only=((6, 10**15),)).sets(sets_of, True)
+    assert [number for number, _ in islice(sets, 2)] == [6, 7]
+    with pytest.raises(UsageError, match="there is no variation 8, the last of 8 is 7"):
+        next(sets)

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 from schemas.catalogs import referred
@@ -388,11 +388,22 @@ class Selection:
         """Whether sets are left out."""
         return bool(self.only) or self.sample is not None
 
+    @property
+    def _apart(self) -> list[tuple[int, int]]:
+        """The spans of `only` in ascending order, overlapping ones joined: each number once."""
+        joined: list[tuple[int, int]] = []
+        for first, last in sorted(self.only):
+            if joined and first <= joined[-1][1]:
+                joined[-1] = joined[-1][0], max(joined[-1][1], last)
+            else:
+                joined.append((first, last))
+        return joined
+
     def count(self, space: ParameterSpace) -> int:
         """Return the number of parameter sets of a space. Sets that constraints exclude are
         counted."""
         if self.only and space.distribution is not None:
-            return sum(max(0, min(last, space.size - 1) - first + 1) for first, last in self.only)
+            return sum(max(0, min(last, space.size - 1) - first + 1) for first, last in self._apart)
         return space.size if self.sample is None else min(self.sample, space.size)
 
     def sets(
@@ -413,10 +424,9 @@ class Selection:
             InvalidFile: no set, or practically none, keeps the constraints.
         """
         if self.only and space.distribution is not None:
-            # Overlapping spans name a set once.
-            for index in dict.fromkeys(
-                index for first, last in sorted(self.only) for index in range(first, last + 1)
-            ):
+            # Number by number: a span may be longer than what memory can list, and the first one
+            # beyond the space is refused.
+            for index in chain.from_iterable(range(a, b + 1) for a, b in self._apart):
                 yield index, space.variation(index)[1]
             return
         if self.sample is not None and self.sample < space.size:

@@ -22,12 +22,15 @@ from xosc.distributions import (
     NormalDistribution,
     PoissonDistribution,
     ProbabilityDistributionSet,
+    Range,
     UniformDistribution,
 )
+from xosc.distributions.values import text
 
 _TAIL = 1e-4
 """Probability that a distribution without limits has below and above the range that is searched."""
 _MOST_CHOICES = 1000
+_HALF = 0.5
 
 
 class Marginal(Protocol):
@@ -113,19 +116,32 @@ class Continuous:
     choices: tuple[float, ...] = ()
     follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
 
+    @property
+    def _upper(self) -> bool:
+        """Whether probabilities are counted from above: far above the median all from below would
+        round to 1."""
+        return bool(self.of.cdf(self.low) > _HALF)
+
+    @property
+    def _probabilities(self) -> tuple[float, float]:
+        """Probabilities below the limits, or above them."""
+        counted = self.of.sf if self._upper else self.of.cdf
+        return float(counted(self.low)), float(counted(self.high))
+
     def log_density(self, values: FloatArray) -> FloatArray:
         """log p of values (n,)."""
         inside = (values >= self.low) & (values <= self.high)
         # Cut to a range, the density has to integrate to 1 again.
-        share = self.of.cdf(self.high) - self.of.cdf(self.low)
-        return np.where(inside, self.of.logpdf(values) - np.log(share), -np.inf)
+        low, high = self._probabilities
+        return np.where(inside, self.of.logpdf(values) - np.log(abs(high - low)), -np.inf)
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n,)."""
-        low, high = self.of.cdf(self.low), self.of.cdf(self.high)
+        low, high = self._probabilities
+        inverse = self.of.isf if self._upper else self.of.ppf
         # Inverse transform within the limits; clipped, since the quantile of a limit may miss it by
         # rounding.
-        return np.clip(self.of.ppf(low + generator.random(n) * (high - low)), self.low, self.high)
+        return np.clip(inverse(low + generator.random(n) * (high - low)), self.low, self.high)
 
 
 @dataclass(frozen=True)
@@ -214,13 +230,18 @@ def marginal(of: object, name: str) -> Marginal | str:
 
 @marginal.register
 def _range(of: DistributionRange, _name: str) -> Marginal | str:
-    low, high = of.range.lower_limit, of.range.upper_limit
-    return uniform(low, high) if low < high else of.value(0)
+    return _even(of.range)
 
 
 @marginal.register
 def _uniform(of: UniformDistribution, _name: str) -> Marginal | str:
-    return uniform(of.range.lower_limit, of.range.upper_limit)
+    return _even(of.range)
+
+
+def _even(limits: Range) -> Marginal | str:
+    """Every value of a Range alike; where it holds one, this."""
+    low, high = limits.lower_limit, limits.upper_limit
+    return uniform(low, high) if low < high else text(low)
 
 
 @marginal.register
@@ -229,12 +250,16 @@ def _histogram(of: Histogram, _name: str) -> Marginal | str:
     edges: list[float] = [bins[0][0]]
     weights: list[float] = []
     for low, high, weight in bins:
+        # A probability without width has no density beside those of other bins.
+        if low == high and weight > 0.0:
+            raise UsageError("a bin of this Histogram holds a single value: pin its parameter")
         if low < edges[-1]:
             raise UsageError("bins of this Histogram overlap: pin its parameter")
         # A gap between bins is a piece without weight.
         if low > edges[-1]:
             edges, weights = [*edges, low], [*weights, 0.0]
-        edges, weights = [*edges, high], [*weights, weight]
+        if high > low:
+            edges, weights = [*edges, high], [*weights, weight]
     return PiecewiseConstant(tuple(edges), tuple(weights))
 
 
@@ -244,6 +269,8 @@ def _normal(of: NormalDistribution, _name: str) -> Marginal | str:
 
     if not of.variance:
         return repr(of.expected_value)
+    if of.range is not None and of.range.lower_limit == of.range.upper_limit:
+        return text(of.range.lower_limit)
     if isinstance(of, LogNormalDistribution):
         # The standard gives the expected value and the variance of the variable itself; scipy takes
         # those of its logarithm: σ² = log(1 + V/E²), median E·exp(-σ²/2).
@@ -268,12 +295,13 @@ def _poisson(of: PoissonDistribution, _name: str) -> Marginal | str:
     low, high = known.ppf([_TAIL, 1 - _TAIL])
     if of.range is not None:
         low, high = np.ceil(of.range.lower_limit), np.floor(of.range.upper_limit)
-    counts = np.arange(max(low, 0.0), high + 1)
-    if len(counts) > _MOST_CHOICES:
+    low = max(low, 0.0)
+    if high - low >= _MOST_CHOICES:
         raise UsageError(
-            f"a PoissonDistribution of {len(counts)} counts has more than can be "
-            "searched: give it a Range"
+            f"a PoissonDistribution of {high - low + 1:.0f} counts has more than can be "
+            "searched: give it a narrower Range"
         )
+    counts = np.arange(low, high + 1)
     return _chosen(counts.tolist(), known.pmf(counts).tolist())
 
 
@@ -304,9 +332,9 @@ def categories(texts: Sequence[Mapping[str, str]], weights: Sequence[float]) -> 
     Equal sets, and those without weight, are no choices of their own.
     """
     total: dict[tuple[tuple[str, str], ...], float] = {}
-    for text, weight in zip(texts, weights, strict=True):
+    for assigned, weight in zip(texts, weights, strict=True):
         if weight > 0.0:
-            key = tuple(sorted(text.items()))
+            key = tuple(sorted(assigned.items()))
             total[key] = total.get(key, 0.0) + weight
     if len(total) < 2:
         return None

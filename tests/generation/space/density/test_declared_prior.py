@@ -120,3 +120,36 @@ def test_recordings_and_ranges_make_one_prior() -> None:
     assert prior.foreseeable(drawn).mean() > 0.9 and np.isfinite(prior.log_density(drawn)).all()
     assert set(prior.nuisances) == {"CutOut_StartTime_s", "CutOut_RestTime_s"}
     np.testing.assert_array_equal(prior.with_nuisances(drawn)[:, column], drawn[:, column])
+
+
+def test_a_range_far_above_the_mean_has_a_density() -> None:
+    above, below = (
+        density(NormalDistribution(0.0, 1.0, limits))
+        for limits in (Range(9.0, 10.0), Range(-10.0, -9.0))
+    )
+    values = np.array([9.1, 9.5])
+    assert above.log_density(values) == pytest.approx(below.log_density(-values))
+    drawn = above.sample(1000, np.random.default_rng(0))
+    assert drawn.min() >= 9.0 and drawn.max() < 10.0
+    assert drawn.mean() == pytest.approx(9.11, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "of",
+    [UniformDistribution(Range(1.5, 1.5)), NormalDistribution(1.5, 2.0, Range(1.5, 1.5))],
+)
+def test_a_range_of_one_value_is_that_value(of: object) -> None:
+    assert marginal(of, "P") == "1.5"
+
+
+def test_a_bin_without_width_has_no_density() -> None:
+    wide, narrow = HistogramBin(Range(0.0, 1.0), 1.0), HistogramBin(Range(1.0, 1.0), 1.0)
+    with pytest.raises(UsageError, match="a bin of this Histogram holds a single value: pin"):
+        marginal(Histogram((wide, narrow)), "P")
+    none = HistogramBin(Range(1.0, 1.0), 0.0)
+    assert density(Histogram((wide, none))).log_density(np.array([0.5])) == pytest.approx(0.0)
+
+
+def test_counts_beyond_number_are_refused_before_they_are_listed() -> None:
+    with pytest.raises(UsageError, match="2000000001 counts has more than can be searched"):
+        marginal(PoissonDistribution(10.0, Range(0.0, 2e9)), "P")
