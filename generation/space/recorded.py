@@ -164,6 +164,7 @@ class Recorded(NamedTuple):
         """Return the prior of those of a space's parameters that are recorded."""
         values = self.values or dict(zip(space.names, self.theta.T, strict=True))
         pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
+        # The others have a stated prior beside this one (`prior`).
         kept = [index for index, name in enumerate(space.names) if name not in self.marginals]
         box = Box(
             tuple(space.names[index] for index in kept), space.low[kept], space.high[kept], pinned
@@ -454,6 +455,7 @@ def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
     theta = theta[space.admits(theta)]
     return Recorded(
         theta,
+        # Cross-validation needs several recordings; draws are independent, so any parts do.
         np.array([f"drawn {number % _PARTS}" for number in range(len(theta))]),
         marginals=every,
     )

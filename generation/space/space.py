@@ -112,6 +112,7 @@ class Space:
         rows = [dict(zip(names, texts, strict=True)) for texts in zip(*columns, strict=True)]
         for name, follows in self.follows.items():
             for found in rows:
+                # Of categories the code itself goes: the parameter is among what follows.
                 found.update(follows[float(found[name])])
         return rows
 

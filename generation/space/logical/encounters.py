@@ -325,6 +325,7 @@ class EncounterScenario:
             for name, way in ways.items()
             if isinstance(way, Course)
         ]
+        # The catalogue's manoeuvre counts its delay from the start of the scenario.
         assigned = {
             "Delay_s": f"${_START}",
             "Duration_s": "$Ego_SlowingTime_s",

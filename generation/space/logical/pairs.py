@@ -300,6 +300,7 @@ class PairScenario:
         """Stop trigger: a collision of the ego, or some time after both manoeuvres."""
         parts = self.pair.parts
         ends = [f"{self._begin(part)} + {self._terms[part.actor]['duration']}" for part in parts]
+        # A passive adversary ahead has no event whose end could end the scene.
         last = parts[-1] if parts[-1].actor != self.without else parts[0]
         whole = f"max({', '.join(ends)})" if len(ends) > 1 else ends[0]
         done = storyboard.changed(
