@@ -191,6 +191,36 @@ def test_figures_of_studies_stand_on_pages_of_results_alone(page: Path) -> None:
     assert not found, "\n".join(found)
 
 
+def other_sites(card: str, page: str) -> list[str]:
+    """Counts of classes that do not sum to those of their site, and shares of the page that are not
+    those of the card."""
+    header, *classes, every = rows(card)
+    shares = {row[0].partition(" (")[0]: row for row in rows(page)}
+    found = []
+    for column, site in enumerate(header[1:], 1):
+        counts = [re.fullmatch(r"(\d+) of (\d+)", row[column]) for row in (*classes, every)]
+        *parts, (good, of) = [(int(one[1]), int(one[2])) for one in counts if one is not None]
+        if (good, of) != tuple(map(sum, zip(*parts, strict=True))):
+            found.append(f"{site}: {good} of {of} is not the sum of {parts}")
+        if shares[site][1:3] != [str(of), f"{good / of:.1%}"]:
+            found.append(f"{site}: {shares[site][1:3]}, not {good} of {of}")
+    return found
+
+
+def test_the_card_and_the_page_agree_on_other_sites() -> None:
+    card, page = (
+        next(one.text for one in sections(path) if one.title == title)
+        for path, title in (
+            (CARDS[0], "Sites that it has not seen"),
+            (PAGES[0], "The shipped model on other sites"),
+        )
+    )
+    assert not other_sites(card, page)
+    for old, new in (("45 of 53", "46 of 53"), ("122 of 210", "121 of 210")):
+        assert other_sites(card.replace(old, new), page)
+    assert other_sites(card, page.replace("76.8%", "77.8%"))
+
+
 RESULT = """From `studies/results/full/shipped/clustering.csv`.
 
 | method | ACC_cluster |
