@@ -92,10 +92,10 @@ def rates(
         rows: of the index.
         sites: site and exposure of each recording.
     """
-    events = Counter((str(row["site"]), str(row["class"])) for row in rows)
+    events = Counter((_own(str(row["site"])), str(row["class"])) for row in rows)
     total: dict[str, Mileage] = {}
     for site, one in sites:
-        total[site] = total.get(site, Mileage(0, 0.0, 0.0)) + one
+        total[_own(site)] = total.get(_own(site), Mileage(0, 0.0, 0.0)) + one
 
     def seen(site: str, title: str) -> Mileage:
         if site != EVERYWHERE:
@@ -114,9 +114,15 @@ def rates(
     classes = sorted({title for _, title in events} - {EVERYWHERE})
     return [
         _row(site, title, events[site, title], seen(site, title))
-        for site in (*sorted(total.keys() - {EVERYWHERE}), *([EVERYWHERE] if total else []))
+        for site in (*sorted(total), *([EVERYWHERE] if total else []))
         for title in (*classes, *([EVERYWHERE] if classes else []))
     ]
+
+
+def _own(site: str) -> str:
+    """Name of a site in the table."""
+    # A site called as the total is would be counted twice in it.
+    return f"site {site}" if site == EVERYWHERE else site
 
 
 def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:

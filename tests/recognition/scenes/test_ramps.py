@@ -126,6 +126,14 @@ def test_a_lane_that_may_be_a_ramp_blocks_ramps_and_changes_there(tmp_path: Path
     assert site_at(place.path).roles.doubts == place.roles.doubts, "read back from the file"
 
 
+def test_a_site_called_as_the_total_counts_once() -> None:
+    rows = [{"site": "all", "class": "cut in"}, {"site": "b", "class": "cut in"}]
+    sites = [("all", Mileage(1, 3600.0, 1000.0)), ("b", Mileage(1, 3600.0, 1000.0))]
+    found = {(row["site"], row["class"]): row for row in rates(rows, sites)}
+    assert found["site all", "cut in"]["events"] == found["b", "cut in"]["events"] == 1
+    assert (found["all", "cut in"]["events"], found["all", "all"]["per_hour"]) == (2, 1.0)
+
+
 def test_a_blocked_class_has_no_rate() -> None:
     title = Label.RAMP_ENTERING.title
     blocked = Mileage(3, 60.0, 1000.0, blocked=frozenset([title]))
