@@ -166,3 +166,11 @@ def test_other_kinds_and_damaged_tables_are_refused(batches: Path, tmp_path: Pat
     (batches / "a" / "runs.parquet").write_bytes(b"PAR1")
     with pytest.raises(InvalidFile, match="not readable as Parquet"):
         read_index("a")
+
+
+def test_json_has_null_where_a_number_is_not_finite(tmp_path: Path, command: Command) -> None:
+    table = pa.table({"name": ["a"], "state": ["passed"], "ttc": [float("inf")], "x": [1.5]})
+    pq.write_table(table, tmp_path / "other.parquet")
+    answer = command("xosc-list", tmp_path / "other.parquet", "--format", "json")
+    assert "Infinity" not in answer.out
+    assert json.loads(answer.out) == [{"name": "a", "state": "passed", "ttc": None, "x": 1.5}]

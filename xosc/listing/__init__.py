@@ -16,6 +16,7 @@ Example::
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -373,7 +374,9 @@ def of_rows(
             row that stands for them.
     """
     if format == "json":
-        return json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
+        # JSON has neither infinity nor NaN, which tables of other programs may hold.
+        finite = [{name: _finite(value) for name, value in row.items()} for row in rows]
+        return json.dumps(finite, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     names = list(rows[0]) if rows else list(shown)
     if format == "csv":
         return csv_text([names, *([row[name] for name in names] for row in rows)])
@@ -389,6 +392,10 @@ def of_rows(
         else ""
     )
     return "\n".join([*_aligned(shown, cells, details), f"{many(len(rows), noun)}{left_out}", ""])
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _cell(value: Any) -> str:
