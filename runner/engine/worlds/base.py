@@ -127,23 +127,23 @@ class KinematicWorld:
         """Do nothing: entities have no copy."""
 
     def ask(self, entity: Entity, request: DriverRequest) -> None:
-        """No one is driven here."""
+        """Do nothing: no driver could act on the request."""
 
     def show(self, entity: Entity, visible: bool) -> None:
-        """No one looks."""
+        """Do nothing: no traffic of this world sees entities."""
 
     def signal(self, signal_id: str, state: str) -> bool:
-        """No one looks."""
+        """Return True: no traffic of this world obeys signals."""
         return True
 
     def mirror(self, entities: Iterable[Entity]) -> None:
-        """No one looks."""
+        """Do nothing: no traffic of this world sees entities."""
 
     def step(self) -> None:
-        """Time is the interpreter's."""
+        """Do nothing: the interpreter keeps the time."""
 
     def read(self, entity: Entity) -> WorldState | None:
-        """No one is driven here."""
+        """Return None: this world drives no entity."""
         return None
 
     def close(self) -> None:
