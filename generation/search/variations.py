@@ -8,6 +8,7 @@ that they run wherever it is moved to.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -480,7 +481,7 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
 
 
 _LITERAL = re.compile(r"\d+@\w")
-_OF_SYSTEM = re.compile(rf"{OF_SYSTEM}\w+=-?[\d.]+\.\.")
+_OF_SYSTEM = re.compile(rf"{OF_SYSTEM}\w+=[-+\d.eE]+\.\.")
 
 
 def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
@@ -523,7 +524,7 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
             scale = float(factor) if times else 1.0
         except ValueError:
             scale = 0.0
-        if not (name and equals and scale > 0.0):
+        if not (name and equals and 0.0 < scale < math.inf):
             raise UsageError(
                 f"--map {text!r}: NAME=ROLE or NAME=ROLE*FACTOR is expected, as "
                 "Ego_speed_kph=ego_speed*3.6"

@@ -37,6 +37,8 @@ DIGITS = 6
 _STEP = 10.0**-DIGITS
 _WHOLE = ("integer", "int", "unsignedInt", "unsignedShort")
 """Types of whole numbers."""
+_MOST_WHOLE = 100_000
+"""Whole numbers that a range may hold: they are listed"""
 _LISTED = 6
 """Parameters that a message names at most"""
 
@@ -134,10 +136,9 @@ class Space:
         choices = self.choices.get(name)
         if choices is None:
             return [repr(round(value, DIGITS)) for value in values.tolist()]
-        return [
-            literal(min(choices, key=lambda choice: abs(choice - value)))
-            for value in values.tolist()
-        ]
+        points = np.array(choices)
+        nearest_point = np.searchsorted(0.5 * (points[1:] + points[:-1]), values)
+        return [literal(choice) for choice in points[nearest_point].tolist()]
 
     def categories(self, name: str) -> Mapping[float, Mapping[str, str]]:
         """Values by name that each code of a parameter stands for; none where its values are no
@@ -404,6 +405,12 @@ def _obstacle(
         return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
     kind = scope.own[name].type
     chosen = limits is not None and bool(limits.choices)
+    if limits is not None and not chosen and kind in _WHOLE:
+        whole = math.floor(limits.high) - math.ceil(limits.low) + 1
+        if whole < 2:
+            return f"is of whole numbers, and its range holds {'one' if whole == 1 else 'none'}"
+        if whole > _MOST_WHOLE:
+            return f"is of whole numbers, of which a range may hold {_MOST_WHOLE:,}, not {whole:,}"
     if bounded or chosen or kind == "double" or kind in _WHOLE:
         return None
     return f"is of the type {kind}, not a number; --pin {name}=VALUE gives it one value"

@@ -238,6 +238,7 @@ def test_ranges_that_are_none_are_refused(text: str) -> None:
         (["A"], "NAME=ROLE"),
         (["A=gap*x"], "NAME=ROLE"),
         (["A=gap*-1"], "NAME=ROLE"),
+        (["A=gap*inf"], "NAME=ROLE"),
         (["A=speed"], "no role 'speed'; roles: gap"),
         (["A=gap", "B=gap"], "another parameter"),
     ],

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 import xosc
+from generation.space.density.marginals import uniform
 from generation.space.space import KnownRows, Space
 from recognition.labels.maneuvers.parameters import PARAMETERS, Parameter, declared_name
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
@@ -44,6 +45,23 @@ def test_the_box_of_the_cut_in_is_as_wide_as_recordings_and_has_the_speed_of_the
     ]
     assert [each.unit for each in space.parameters] == [each.unit for each in PARAMETERS.values()]
     assert space.pinned == {"Ego_Speed_mps": "30.0"}
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "reason"),
+    [
+        (0.2, 0.8, "it is of whole numbers, and its range holds none"),
+        (0.5, 1.5, "it is of whole numbers, and its range holds one"),
+        (0.0, 1e9, "of which a range may hold 100,000, not 1,000,000,001"),
+    ],
+)
+def test_ranges_of_whole_numbers_hold_several_that_can_be_listed(
+    low: float, high: float, reason: str, tmp_path: Path
+) -> None:
+    path = declaring(tmp_path / "whole.xosc", maneuvers.parameter("N", "int", 1))
+    with pytest.raises(UsageError, match=reason):
+        Space.of(path, ranges={"N": uniform(low, high)})
+    assert Space.of(path, ranges={"N": uniform(0.5, 2.5)}).choices == {"N": [1.0, 2.0]}
 
 
 def test_where_nobody_has_the_seven_all_but_the_egos_parameters_are_searched() -> None:
