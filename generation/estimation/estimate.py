@@ -59,8 +59,8 @@ class Learned:
     def failing(self, theta: FloatArray) -> FloatArray:
         """The share (n,) of the trees, weighed by how sure they are, that take points (n, d) for
         failures."""
-        found: FloatArray = self._forest.predict_proba(self._features(theta))[:, 1]
-        return found
+        share: FloatArray = self._forest.predict_proba(self._features(theta))[:, 1]
+        return share
 
 
 _COUNTED = 20_000
@@ -154,8 +154,8 @@ class Proposal:
         kernels = [np.log(share) + kernel.log_density(rows) for share, kernel in self._kernels]
         log_k = np.logaddexp.reduce(kernels) - self._log_share
         log_q = np.logaddexp(np.log(self.defensive) + log_p, np.log1p(-self.defensive) + log_k)
-        found: FloatArray = np.exp(log_p - log_q)
-        return found
+        ratio: FloatArray = np.exp(log_p - log_q)
+        return ratio
 
 
 def _spread(prior: Prior, n: int, generator: np.random.Generator) -> FloatArray:

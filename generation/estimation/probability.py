@@ -141,11 +141,11 @@ def probability(
         greatest: weight that none exceeds.
         control: in plays; None where there is none.
     """
-    found = weights * failing
-    n = len(found)
+    terms = weights * failing
+    n = len(terms)
     if not n:
         return Probability(0.0, 0.0, 0.0, 1.0)
-    value, residual, extra = float(found.mean()), found - found.mean(), 0.0
+    value, residual, extra = float(terms.mean()), terms - terms.mean(), 0.0
     if control is not None:
         same, many = weights * control.same, control.weights * control.failing
         spread = same - same.mean()
@@ -160,8 +160,8 @@ def probability(
         extra = slope**2 * float(many.var(ddof=1)) / len(many)
     # A single draw has no spread to measure: its interval is all from 0 to 1.
     deviation = math.sqrt(float(residual @ residual) / (n - 1) / n + extra) if n > 1 else math.inf
-    squares = float(found @ found)
-    effective = float(found.sum()) ** 2 / squares if squares > 0.0 else 0.0
+    squares = float(terms @ terms)
+    effective = float(terms.sum()) ** 2 / squares if squares > 0.0 else 0.0
     return Probability(max(value, 0.0), deviation, effective, _rare(n, greatest))
 
 
@@ -224,9 +224,9 @@ class FailingDraws(NamedTuple):
             weights: of the part's failing draws, or of those in plays where none is run.
         """
         total = float(weights.sum())
-        each = float(weights @ weights) / total / self.draws if total > 0.0 else 0.0
+        weight = float(weights @ weights) / total / self.draws if total > 0.0 else 0.0
         low = gammaincinv(effective, _TAIL) if effective > 0.0 else 0.0
-        return float(low) * each, float(gammaincinv(effective + 1.0, 1.0 - _TAIL)) * each
+        return float(low) * weight, float(gammaincinv(effective + 1.0, 1.0 - _TAIL)) * weight
 
     @property
     def _slope(self) -> float:
@@ -360,7 +360,7 @@ class Driving:
         met = self._counts * generator.beta(
             self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS
         )
-        found = {}
+        by_unit = {}
         for name, driven in (
             (PER_HOUR, self.exposure.hours),
             (PER_DISTANCE, self.exposure.kilometres / _DISTANCE),
@@ -369,8 +369,8 @@ class Driving:
             # No draw fails: there is no lower limit, and all 5 % are left above the upper one.
             if not chance:
                 low, high = 0.0, np.quantile(chances * met / driven, 0.95)
-            found[name] = Rate(chance * self.per[name], (float(low), float(high)))
-        return found
+            by_unit[name] = Rate(chance * self.per[name], (float(low), float(high)))
+        return by_unit
 
     @property
     def per(self) -> dict[str, float]:

@@ -98,12 +98,12 @@ class Inputs(NamedTuple):
         """
         if not self.recordings:
             return ""
-        found = sorted(
+        paths = sorted(
             path for path in self.folder.rglob("*") if path.is_file() and path.suffix != ".xosc"
         )
         return digest(
             repr(
-                [(path.relative_to(self.folder).as_posix(), _content(path)) for path in found]
+                [(path.relative_to(self.folder).as_posix(), _content(path)) for path in paths]
             ).encode()
         )
 
@@ -117,12 +117,12 @@ def distinct(names: Mapping[Path, str], taken: Iterable[str] = ()) -> dict[Path,
     """Names by file, numbered where a file before it has the same name, or `taken` holds it."""
     # A target's name is that of its stage and folder: of two with one name the second would be lost
     # without a word. `a/b.xosc` has the name of `a_b.xosc`, and a file may have that of a class.
-    used, found = set(taken), dict[Path, str]()
+    used, named = set(taken), dict[Path, str]()
     for path, name in names.items():
         numbered = (f"{name}_{number}" for number in count(2))
-        found[path] = next(other for other in chain([name], numbered) if other not in used)
-        used.add(found[path])
-    return found
+        named[path] = next(other for other in chain([name], numbered) if other not in used)
+        used.add(named[path])
+    return named
 
 
 def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
@@ -269,13 +269,13 @@ def of_inputs(
         names: of the targets, by file.
         own: units of the user's recordings; None for none.
     """
-    found = {path: _of_input(path, own, ask, name) for path, name in names.items()}
+    outcomes = {path: _of_input(path, own, ask, name) for path, name in names.items()}
     searched: dict[Path, list[str]] = {}
-    for outcome in found.values():
+    for outcome in outcomes.values():
         if isinstance(outcome, SearchTarget):
             searched.setdefault(outcome.scenario.resolve(), []).append(outcome.title)
     beside = {path.resolve(): name for path, name in names.items()}
-    for path, outcome in found.items():
+    for path, outcome in outcomes.items():
         if isinstance(outcome, NothingToVary):
             of = outcome.scenario.resolve()
             if of in searched:
@@ -371,9 +371,9 @@ def _recorded(
     raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
 
 
-def split(found: Iterable[SearchTarget | Refused]) -> tuple[list[SearchTarget], list[Refused]]:
+def split(outcomes: Iterable[SearchTarget | Refused]) -> tuple[list[SearchTarget], list[Refused]]:
     """Split into searches and refusals."""
-    listed: Sequence[SearchTarget | Refused] = list(found)
+    listed: Sequence[SearchTarget | Refused] = list(outcomes)
     return [target for target in listed if isinstance(target, SearchTarget)], [
         refusal for refusal in listed if isinstance(refusal, Refused)
     ]

@@ -150,7 +150,7 @@ class _Loop:
 
     def recognise(self) -> tuple[Recognised, list[SearchTarget], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
-        found = Recognised()
+        recognised = Recognised()
         own: Samples | None = None
         listed: list[SearchTarget | Refused] = []
         if self._inputs.recordings:
@@ -164,7 +164,7 @@ class _Loop:
                 model,
                 self._settings.processes,
             )
-            found = self._once(
+            recognised = self._once(
                 LoopStage("recognise"),
                 Recognised,
                 make,
@@ -176,17 +176,17 @@ class _Loop:
             read = [
                 recording
                 for recording in self._inputs.recordings
-                if recording.name not in found.failures
+                if recording.name not in recognised.failures
             ]
             measure = partial(loop_runs.units, read, table, self._bar)
             measured = self._once(LoopStage("measure"), Measured, measure, self._recorded, (table,))
-            found = replace(found, failures=found.failures | measured.failures)
+            recognised = replace(recognised, failures=recognised.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = list(of_classes(rows_of(catalogue), catalogue, own))
         classes = (target.name for target in listed if isinstance(target, SearchTarget))
         self._names = distinct(self._inputs.names, classes)
         targets, refused = split([*listed, *of_inputs(self._names, own, self._settings.ask)])
-        return found, targets, refused
+        return recognised, targets, refused
 
     def round(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> Round:
         """Search everything, run what was found, and recognise it in the runs."""
@@ -321,10 +321,10 @@ class _Loop:
 
     def _await(self, target: SearchTarget, result: Callable[[], Searched]) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
-            found = result()
+            searched = result()
             # Runs in another process are not reported one by one.
             advance(self._settings.budget)
-            return found
+            return searched
 
     def _known(self, target: SearchTarget) -> FloatArray | None:
         return found_by(self._earlier.get(target.name, []))

@@ -140,21 +140,21 @@ def run_all(
         progress(1)
     write_report(folder)
     place = folder.relative_to(out).as_posix()
-    found = Ran(crashed=crashed)
+    ran = Ran(crashed=crashed)
     for run in report(folder)["runs"]:
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
         copied = {
             name: run[name] for name in ("name", "state", "status", "message", "end", "measures")
         }
-        found.files.setdefault(named(files[run["name"]]), []).append(
+        ran.files.setdefault(named(files[run["name"]]), []).append(
             ShownRun(**copied, replay=replay)
         )
-    return replace(found, failures=dict(_failures(found)))
+    return replace(ran, failures=dict(_failures(ran)))
 
 
-def _failures(found: Ran) -> Iterator[tuple[str, str]]:
+def _failures(ran: Ran) -> Iterator[tuple[str, str]]:
     """The files with runs that ended with an error, and what the first of these says."""
-    for name, runs in found.files.items():
+    for name, runs in ran.files.items():
         messages = [run.message for run in runs if run.state == "error"]
         if messages:
             more = (
@@ -172,11 +172,11 @@ def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> d
     Args:
         named: what a file is called in the result, as for `run_all`.
     """
-    found = {}
+    sizes = {}
     for path in paths:
         with suppress(ToolchainError):
-            found[named(path)] = ParameterSpace(path).size
-    return {name: size for name, size in found.items() if size > most}
+            sizes[named(path)] = ParameterSpace(path).size
+    return {name: size for name, size in sizes.items() if size > most}
 
 
 T = TypeVar("T")
@@ -341,11 +341,11 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     if not path.is_file():
         raise UsageError("no loop is in this folder", path=out)
     left = ((file, _read(file)) for file in sorted((out / _FOLDER).glob("round_*_search_*.json")))
-    found = [
+    stages = [
         _finding(path, Searched, record) for path, record in left if record["found"] is not None
     ]
     # By number: among file names, round 10 comes before round 2.
-    return str(read_object(path).get("sut", "")), sorted(found, key=lambda pair: pair.round)
+    return str(read_object(path).get("sut", "")), sorted(stages, key=lambda pair: pair.round)
 
 
 def _unfinished(of: str) -> dict[str, Any]:

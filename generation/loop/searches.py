@@ -273,8 +273,8 @@ class Searchers:
         process = self._processes[
             self._numbers.setdefault(target.name, len(self._numbers) % self._count)
         ]
-        found = process.submit(_searched, target, number, self._out, self._settings, known)
-        return lambda: _result(found)
+        future = process.submit(_searched, target, number, self._out, self._settings, known)
+        return lambda: _result(future)
 
 
 def _searched(
@@ -428,9 +428,9 @@ def _texts(case: EdgeCase) -> dict[str, str]:
     return {name: f"{value:g}" for name, value in case.theta.items()}
 
 
-def _by_target(found: Iterable[Searched]) -> dict[str, list[Searched]]:
+def _by_target(searches: Iterable[Searched]) -> dict[str, list[Searched]]:
     listed: dict[str, list[Searched]] = {}
-    for search in found:
+    for search in searches:
         if not search.error:
             listed.setdefault(search.target, []).append(search)
     return listed

@@ -152,10 +152,10 @@ class _Ranges(NamedTuple):
 
 def _counted(one: IntArray, other: IntArray, shape: tuple[int, int]) -> IntArray:
     """Number of points in each cell."""
-    found = np.zeros(shape, np.int64)
-    # `found[one, other] += 1` would count points of the same cell once.
-    np.add.at(found, (one, other), 1)
-    return found
+    counts = np.zeros(shape, np.int64)
+    # `counts[one, other] += 1` would count points of the same cell once.
+    np.add.at(counts, (one, other), 1)
+    return counts
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def _indices(
     from scipy.stats import sobol_indices, uniform
 
     dists = [uniform(a, b - a) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-    found, explained = list[FloatArray](), list[float]()
+    refitted, explained = list[FloatArray](), list[float]()
     for number in range(_REFITTED):
         generator = np.random.default_rng(number)
         learnt = generator.integers(len(x), size=len(x))
@@ -258,14 +258,14 @@ def _indices(
             one = sobol_indices(func=predict, n=_POINTS, dists=dists, rng=generator)
         indices = np.stack([one.first_order, one.total_order])
         if np.isfinite(indices).all():
-            found.append(indices)
-    return np.array(found), float(np.mean(explained))
+            refitted.append(indices)
+    return np.array(refitted), float(np.mean(explained))
 
 
 def _predicted(forest: Any, points: FloatArray) -> FloatArray:
     """Prediction (n,) of a forest at points (d, n)."""
-    found: FloatArray = forest.predict(differences(points.T))
-    return found
+    predicted: FloatArray = forest.predict(differences(points.T))
+    return predicted
 
 
 @dataclass(frozen=True)
@@ -401,16 +401,16 @@ def _digests(scenario: Path, generated: Generated, settings: SearchSettings) -> 
     """Digests of what a search was made of, by subject."""
     recorded = generated.recorded
     chosen = [
-        (each.name, getattr(settings, each.name))
-        for each in fields(settings)
-        if each.name not in _DECIDE_NOTHING
+        (setting.name, getattr(settings, setting.name))
+        for setting in fields(settings)
+        if setting.name not in _DECIDE_NOTHING
     ]
     chosen.append(("run", settings.run.as_json()))
-    found = files(scenario, settings.run, generated.space.pinned)
+    inputs = files(scenario, settings.run, generated.space.pinned)
     units = recorded.theta.tobytes() + repr(recorded.recordings.tolist()).encode()
     return {
-        f"scenario {scenario.name}": found["scenario"],
-        **found["roads and catalogues"],
+        f"scenario {scenario.name}": inputs["scenario"],
+        **inputs["roads and catalogues"],
         f"system {system_name(settings.run.sut)}": system_digest(scenario, settings.run),
         f"{many(len(recorded.theta), 'recorded unit')}": fingerprint(units),
         "settings": fingerprint(repr(chosen).encode()),

@@ -57,7 +57,7 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
     values = space.by_name(theta)
     roles = {name: role for name, role in roles.items() if name in values}
     actors = by_actor(values, roles) if roles else {}
-    found = [
+    listed = [
         measure for actor, of in actors.items() for measure in _of_actor(of, actor, len(actors) > 1)
     ]
     nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
@@ -66,16 +66,16 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
         None,
     )
     # Where no actor has a measure, parameters with a role are shown as they are.
-    read = set(roles) if found else set(nuisances)
-    if ego is not None and found:
+    read = set(roles) if listed else set(nuisances)
+    if ego is not None and listed:
         whose = "leader" if EGO in actors else "ego"
-        found.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
+        listed.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
     for name in space.names:
         if coded := space.categories(name):
-            found += _of_categories(coded, values[name])
+            listed += _of_categories(coded, values[name])
         elif name not in read:
-            found.append(Measure(name, unit_of(name), values[name]))
-    return found
+            listed.append(Measure(name, unit_of(name), values[name]))
+    return listed
 
 
 def _of_categories(
@@ -205,11 +205,11 @@ def counterexamples(
     preventable = np.any([cases.drivers[name].survived for name in cases.judges], axis=0)
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
     files = writer.concrete(cases, evidence(settings), [row_names[0] for row_names in names])
-    found = []
+    made = []
     for row, (file, row_names) in enumerate(zip(files, names, strict=True)):
         unit = nearest(generated, cases.theta[row])
-        found.append(Counterexample(row_names, row, file, *_played(file, settings), unit))
-    return Counterexamples(cases, foreseeable, preventable, found)
+        made.append(Counterexample(row_names, row, file, *_played(file, settings), unit))
+    return Counterexamples(cases, foreseeable, preventable, made)
 
 
 def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Cases]:
@@ -315,8 +315,8 @@ def nearest(generated: Generated, point: FloatArray) -> RecordedUnit | None:
 def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArray:
     columns = distinctive(space)
     apart = (space.unit(others) - space.unit(point))[:, columns]
-    found: FloatArray = np.sqrt(np.square(apart).mean(axis=1))
-    return found
+    distances: FloatArray = np.sqrt(np.square(apart).mean(axis=1))
+    return distances
 
 
 def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool, dict[str, Any] | None]:
@@ -445,19 +445,19 @@ def _scores(rows: FloatArray, failing: BoolArray) -> dict[str, Any]:
 
     # Shuffled: runs are in the order of the search, whose phases look in different places.
     folds = StratifiedKFold(_FOLDS, shuffle=True, random_state=0)
-    found: dict[str, Any] = cross_validate(
+    scores: dict[str, Any] = cross_validate(
         _model(), rows, failing, cv=folds, scoring=("balanced_accuracy", "roc_auc")
     )
-    return found
+    return scores
 
 
 def _weights(model: Pipeline, rows: FloatArray, failing: BoolArray) -> dict[int, float]:
     from sklearn.inspection import permutation_importance
 
-    found = permutation_importance(
+    importance = permutation_importance(
         model, rows, failing, scoring="balanced_accuracy", n_repeats=5, random_state=0
     )
-    means = found["importances_mean"]
+    means = importance["importances_mean"]
     return {int(index): float(means[index]) for index in np.argsort(-means, kind="stable")}
 
 
@@ -653,8 +653,8 @@ def measured(generated: Generated, theta: FloatArray) -> list[Measure]:
 
 def varying(generated: Generated) -> list[Measure]:
     """Return the readable measures of the executed runs that differ from run to run."""
-    found = measured(generated, generated.episodes.theta[generated.episodes.outcomes.executed])
-    return [measure for measure in found if measure.values.size and np.ptp(measure.values) > 0.0]
+    listed = measured(generated, generated.episodes.theta[generated.episodes.outcomes.executed])
+    return [measure for measure in listed if measure.values.size and np.ptp(measure.values) > 0.0]
 
 
 def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
@@ -775,7 +775,7 @@ def _rule(rows: FloatArray, of: BoolArray) -> list[Bound]:
     """Bounds that separate the marked rows (n,) of (n, k) best from the others."""
     bounds, inside = list[Bound](), np.ones(len(rows), bool)
     while len(bounds) < _BOUNDS:
-        possible = [each for each in _candidates(rows, of) if not _degenerate(each, bounds)]
+        possible = [bound for bound in _candidates(rows, of) if not _degenerate(bound, bounds)]
         if not possible:
             break
         best = max(possible, key=lambda candidate: _score(inside & candidate.holds(rows), of))

@@ -209,22 +209,21 @@ def _often(drawn: str, sut: str, generated: Generated, estimate: Estimate) -> It
         )
 
 
-def chance(found: Probability) -> str:
+def chance(probability: Probability) -> str:
     """A probability with its interval, in percent."""
-    low, high = found.interval
-    if found.value <= 0.0:
-        return f"at most {percent(high)}{found.unseen}"
-    return (
-        f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
-    )
+    low, high = probability.interval
+    if probability.value <= 0.0:
+        return f"at most {percent(high)}{probability.unseen}"
+    within = f"95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)}"
+    return f"{percent(probability.value)} ({within})"
 
 
-def rate(found: Rate) -> str:
+def rate(frequency: Rate) -> str:
     """A rate with its interval."""
-    low, high = found.interval
+    low, high = frequency.interval
     return (
-        f"{figure(found.value)} ({figure(low)} to {figure(high)})"
-        if found.value > 0.0
+        f"{figure(frequency.value)} ({figure(low)} to {figure(high)})"
+        if frequency.value > 0.0
         else f"at most {figure(high)}"
     )
 
@@ -466,9 +465,9 @@ def _interval(found: Rate) -> list[float]:
     return _rounded([found.value, *found.interval])
 
 
-def _region(found: Region | str) -> Json:
-    if isinstance(found, str):
-        return {"reason": found}
+def _region(fitted: Region | str) -> Json:
+    if isinstance(fitted, str):
+        return {"reason": fitted}
     slices = [
         {
             "across": section.across,
@@ -476,18 +475,18 @@ def _region(found: Region | str) -> Json:
             "held": _rounded(section.held),
             "boundary": [[_rounded(point) for point in line.tolist()] for line in section.boundary],
         }
-        for section in found.slices
+        for section in fitted.slices
     ]
     scores = {
-        "accuracy": found.accuracy,
-        "spread": found.spread,
-        "area": found.area,
-        "drawn": found.drawn,
-        "alone": found.alone,
+        "accuracy": fitted.accuracy,
+        "spread": fitted.spread,
+        "area": fitted.area,
+        "drawn": fitted.drawn,
+        "alone": fitted.alone,
     }
     return {
         **scores,
-        "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()],
+        "weights": [[index, round(weight, 3)] for index, weight in fitted.weights.items()],
         "slices": slices,
     }
 
@@ -498,7 +497,7 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
     estimate = report.generated.estimate
     driving = estimate.driving if estimate is not None else ""
     per = driving.per if isinstance(driving, Driving) else {}
-    found = []
+    listed = []
     for number, area in enumerate(report.regions, start=1):
         members = {
             name: _rounded([measure.values[row] for measure in of])
@@ -519,7 +518,7 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
             if area.chance.draws
             else {}
         )
-        found.append(
+        listed.append(
             {
                 **area.as_json(of, members),
                 "rates": rates,
@@ -527,7 +526,7 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
                 "name": f"region {number}",
             }
         )
-    return found
+    return listed
 
 
 def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
@@ -545,9 +544,11 @@ def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     }
 
 
-def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
-    found, space = report.counterexamples, report.generated.space
-    theta, unit = found.cases.theta[each.row], each.recorded
+def _example(
+    example: Counterexample, report: SearchReport, of: Sequence[Measure], out: Path
+) -> Json:
+    examples, space = report.counterexamples, report.generated.space
+    theta, unit = examples.cases.theta[example.row], example.recorded
     recorded = (
         None if unit is None else {"recording": unit.recording, "distance": round(unit.distance, 3)}
     )
@@ -563,7 +564,10 @@ def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], 
     ]
     # A code says nothing to a reader: the values that it stands for are shown in its place.
     coded = {
-        name for each in space.names for row in space.categories(each).values() for name in row
+        name
+        for parameter in space.names
+        for row in space.categories(parameter).values()
+        for name in row
     }
     values += [
         {"name": name, "unit": unit_of(name), "value": text, "recorded": None}
@@ -571,16 +575,16 @@ def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], 
         if name in coded
     ]
     return {
-        "names": list(each.names),
-        **_case(report, found.cases, each.row, of),
+        "names": list(example.names),
+        **_case(report, examples.cases, example.row, of),
         "values": values,
         "pinned": dict(space.pinned),
-        "foreseeable": bool(found.foreseeable[each.row]),
-        "preventable": bool(found.preventable[each.row]),
-        "reproduced": each.reproduced,
+        "foreseeable": bool(examples.foreseeable[example.row]),
+        "preventable": bool(examples.preventable[example.row]),
+        "reproduced": example.reproduced,
         "recorded": recorded,
-        "file": each.scenario.relative_to(out).as_posix(),
-        "play": each.replay.relative_to(out).as_posix(),
+        "file": example.scenario.relative_to(out).as_posix(),
+        "play": example.replay.relative_to(out).as_posix(),
     }
 
 
@@ -631,25 +635,25 @@ def _end(outcomes: Outcomes, row: int) -> str:
 
 
 def _against(report: SearchReport, out: Path) -> Json | None:
-    found = report.against
-    if found is None:
+    compared = report.against
+    if compared is None:
         return None
-    before = found.before
+    before = compared.before
     chance = (before.estimate or {}).get("probabilities", {}).get("collision")
     failures = [
         {
             "number": number,
             "fate": fate,
             "values": dict(values),
-            "impact": _rounded([found.replayed.impact_speed[number]])[0],
+            "impact": _rounded([compared.replayed.impact_speed[number]])[0],
         }
-        for number, (fate, values) in enumerate(zip(found.fates, before.values, strict=True))
+        for number, (fate, values) in enumerate(zip(compared.fates, before.values, strict=True))
     ]
     return {
         "sut": before.sut,
         "folder": before.folder.name,
-        "counts": {fate: found.counts[fate] for fate in Fate},
-        "regions": {shift: found.regions[shift] for shift in Shift},
+        "counts": {fate: compared.counts[fate] for fate in Fate},
+        "regions": {shift: compared.regions[shift] for shift in Shift},
         "chance": None if chance is None else _rounded([chance["value"], *chance["interval"]]),
         "failures": failures,
         "names": list(report.generated.space.names),

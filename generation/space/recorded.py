@@ -152,13 +152,13 @@ class Recorded(NamedTuple):
 
     def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that keep the scenario's constraints, without overlap of vehicles: (n,)."""
-        found = space.admits(theta)
+        admitted = space.admits(theta)
         if self.pairs is not None:
             pinned = {
                 name: np.full(len(theta), float(value)) for name, value in space.pinned.items()
             }
-            found = found & self.pairs.apart({**pinned, **space.by_name(theta)})
-        return found
+            admitted = admitted & self.pairs.apart({**pinned, **space.by_name(theta)})
+        return admitted
 
     def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
         """Return the prior of those of a space's parameters that are recorded."""
@@ -476,9 +476,9 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
     for folder in (path, *sorted(folder for folder in path.iterdir() if folder.is_dir())):
         kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
         for file in sorted(folder.glob("*.xosc")):
-            found = _declared(file)
-            if found is not None:
-                names, row, recording = found
+            declared = _declared(file)
+            if declared is not None:
+                names, row, recording = declared
                 kinds.setdefault(names, []).append((file, row, recording))
         if kinds:
             names = max(kinds, key=lambda kind: len(kinds[kind]))

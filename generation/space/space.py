@@ -113,24 +113,24 @@ class Space:
             return [{} for _ in theta]
         rows = [dict(zip(names, texts, strict=True)) for texts in zip(*columns, strict=True)]
         for name, follows in self.follows.items():
-            for found in rows:
+            for row in rows:
                 # Of categories the code itself goes: the parameter is among what follows.
-                found.update(follows[float(found[name])])
+                row.update(follows[float(row[name])])
         return rows
 
     def point(self, values: Mapping[str, str]) -> FloatArray | None:
         """The point (d,) of values by name, as `values` gives them; None where they are of no
         category."""
-        found = list[float]()
+        coordinates = list[float]()
         for name in self.names:
             if coded := self.categories(name):
                 of = [code for code, texts in coded.items() if texts.items() <= values.items()]
                 if not of:
                     return None
-                found.append(of[0])
+                coordinates.append(of[0])
             else:
-                found.append(float(values[name]))
-        return np.array(found)
+                coordinates.append(float(values[name]))
+        return np.array(coordinates)
 
     def _texts(self, name: str, values: FloatArray) -> list[str]:
         choices = self.choices.get(name)
@@ -143,8 +143,8 @@ class Space:
     def categories(self, name: str) -> Mapping[float, Mapping[str, str]]:
         """Values by name that each code of a parameter stands for; none where its values are no
         codes."""
-        found = self.follows.get(name, {})
-        return found if any(name in texts for texts in found.values()) else {}
+        coded = self.follows.get(name, {})
+        return coded if any(name in texts for texts in coded.values()) else {}
 
     def admits(self, theta: FloatArray) -> BoolArray:
         """Points (n, d) that keep the scenario's constraints beyond the box: (n,)."""
@@ -239,7 +239,9 @@ class _ParameterChoice:
     ) -> None:
         self._scenario, self._pinned, self._free, self._ranges = scenario, pinned, free, ranges
         node = xosc.load(scenario).node
-        self.declared = {each.get("name"): each for each in _declarations(node)}
+        self.declared = {
+            declaration.get("name"): declaration for declaration in _declarations(node)
+        }
         for name in (*pinned, *free, *ranges):
             if name not in self.declared:
                 raise UsageError(
@@ -301,8 +303,8 @@ class _ParameterChoice:
         """Values that are declared as literals, or pinned, by name."""
         declared = {
             name: self._scope.own[name].text
-            for name, each in self.declared.items()
-            if "$" not in each.get("value")
+            for name, declaration in self.declared.items()
+            if "$" not in declaration.get("value")
         }
         return {**declared, **self._pinned}
 
@@ -443,8 +445,8 @@ def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
     roles = roles_of(bounded, ego=ego)
     bounded = [name for name in bounded if name not in roles or roles[name].role not in ON_REQUEST]
     actors = tuple(f"{role.actor}_" for role in roles.values() if role.actor)
-    found = {name for name in bounded if name in roles or name.startswith(actors)}
-    return found or {name for name in bounded if not name.startswith(f"{ego}_")}
+    of_actors = {name for name in bounded if name in roles or name.startswith(actors)}
+    return of_actors or {name for name in bounded if not name.startswith(f"{ego}_")}
 
 
 def _bounded(declaration: Node, scope: ParameterScope) -> bool:
@@ -503,10 +505,10 @@ def distinctive(space: Space) -> BoolArray:
 def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
     """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d)."""
     # A root-mean-square distance is the Euclidean one over √d.
-    found, reach = np.ones(len(unit), bool), least * np.sqrt(unit.shape[1])
+    far, reach = np.ones(len(unit), bool), least * np.sqrt(unit.shape[1])
     for start in range(0, len(others), _BLOCK):
-        found &= (cdist(unit, others[start : start + _BLOCK]) >= reach).all(axis=1)
-    return found
+        far &= (cdist(unit, others[start : start + _BLOCK]) >= reach).all(axis=1)
+    return far
 
 
 _BLOCK = 4096
@@ -533,11 +535,11 @@ class KnownRows:
     def distances(self, unit: FloatArray, most: float = np.inf) -> FloatArray:
         """Root-mean-square distance (n,) of rows (n, d) from the nearest one; infinite where that
         is further than `most`, or there is none."""
-        found, reach = np.full(len(unit), np.inf), np.sqrt(unit.shape[1])
+        closest, reach = np.full(len(unit), np.inf), np.sqrt(unit.shape[1])
         for tree in self._trees:
             far = tree.query(unit, distance_upper_bound=most * reach * (1.0 + _ROUNDING))[0]
-            found = np.minimum(found, np.asarray(far) / reach)
-        return found
+            closest = np.minimum(closest, np.asarray(far) / reach)
+        return closest
 
 
 def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:

@@ -186,9 +186,9 @@ class CheckedDocument:
         """The ParameterDeclaration of that name in scope at an element, the innermost first."""
         scope: etree._Element | None = element
         while scope is not None:
-            found = self._declarations.get(scope, {}).get(name)
-            if found is not None:
-                return found
+            declared = self._declarations.get(scope, {}).get(name)
+            if declared is not None:
+                return declared
             scope = scope.getparent()
         return None
 

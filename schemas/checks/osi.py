@@ -494,22 +494,22 @@ class Requirements:
             yield from self._moving(body)
         yield from self._roads(truth)
 
-    def _moving(self, each: Any) -> Iterator[Finding]:
-        name = f"moving_object {each.id.value}"
-        yield from _base(each.base, _MOVING, name)
-        if not each.type:
+    def _moving(self, body: Any) -> Iterator[Finding]:
+        name = f"moving_object {body.id.value}"
+        yield from _base(body.base, _MOVING, name)
+        if not body.type:
             yield "object.type_is_known", f"{name}: the type is unknown"
-        is_vehicle = each.type == each.TYPE_VEHICLE
-        if each.HasField("vehicle_classification") != is_vehicle or (
-            is_vehicle and not each.vehicle_classification.type
+        is_vehicle = body.type == body.TYPE_VEHICLE
+        if body.HasField("vehicle_classification") != is_vehicle or (
+            is_vehicle and not body.vehicle_classification.type
         ):
             yield (
                 "vehicle.classification",
                 f"{name}: vehicle_classification is missing, unknown, or of no vehicle",
             )
-        if is_vehicle and not each.vehicle_attributes.HasField("bbcenter_to_rear"):
+        if is_vehicle and not body.vehicle_attributes.HasField("bbcenter_to_rear"):
             yield "vehicle.classification", f"{name}: bbcenter_to_rear is not set"
-        for lane in each.moving_object_classification.assigned_lane_id:
+        for lane in body.moving_object_classification.assigned_lane_id:
             if lane.value not in self._lanes:
                 yield (
                     "assigned_lane.is_there",
@@ -613,8 +613,8 @@ def _lane(lane: Any, name: str) -> Iterator[Finding]:
         yield incomplete("lanes have a left and a right boundary, and no free ones")
 
 
-def _boundary(each: Any) -> Iterator[Finding]:
-    kind, name = each.classification, f"lane_boundary {each.id.value}"
+def _boundary(boundary: Any) -> Iterator[Finding]:
+    kind, name = boundary.classification, f"lane_boundary {boundary.id.value}"
     if not kind.type or not kind.color:
         yield "lane_boundary.is_complete", f"{name}: the type or colour is unknown"
     unpainted = kind.type in (
@@ -628,11 +628,11 @@ def _boundary(each: Any) -> Iterator[Finding]:
             "lane_boundary.is_complete",
             f"{name}: the colour is none exactly where nothing is painted",
         )
-    if len(each.boundary_line) < 2:
+    if len(boundary.boundary_line) < 2:
         yield "lane_boundary.is_complete", f"{name}: there are less than two points"
     if any(
         not point.HasField("position") or point.width < 0.0 or point.height < 0.0
-        for point in each.boundary_line
+        for point in boundary.boundary_line
     ):
         yield (
             "lane_boundary.is_complete",

@@ -198,12 +198,12 @@ def _base(
     difference: Difference, bases: dict[tuple[str, tuple[int, int, int]], Schema]
 ) -> Schema | None:
     """The XSD of the version that a difference is from, or of a later patch level of it."""
-    found = [
+    schemas = [
         schema for (standard, version), schema in bases.items() if standard == difference.standard
     ]
     fitting = [
         schema
-        for schema in found
+        for schema in schemas
         if schema.version[:2] == difference.base[:2] and schema.version >= difference.base
     ]
     return min(fitting, key=lambda schema: schema.version, default=None)

@@ -487,7 +487,7 @@ def spans(text: str) -> tuple[tuple[int, int], ...]:
     Raises:
         UsageError: it is of another form.
     """
-    found = []
+    chosen = []
     for part in text.split(","):
         match = _SPAN.fullmatch(part.strip())
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
@@ -495,5 +495,5 @@ def spans(text: str) -> tuple[tuple[int, int], ...]:
             raise UsageError(
                 f"--only {text!r}: numbers of parameter sets are expected, such as 3,7-9"
             )
-        found.append((first, last))
-    return tuple(found)
+        chosen.append((first, last))
+    return tuple(chosen)

@@ -107,7 +107,7 @@ class _ConditionParser:
         return Question(found, list(self._columns), self._texts)
 
     def _read(self, text: str) -> list[_Token]:
-        found, at = list[_Token](), 0
+        tokens, at = list[_Token](), 0
         while at < len(text):
             if text[at].isspace():
                 at += 1
@@ -123,11 +123,11 @@ class _ConditionParser:
             kind, piece = str(match.lastgroup), match[0]
             # A column may have the name of a word: then it is the column.
             word = kind == "name" and piece.lower() in _WORDS and piece not in self._schema.names
-            found.append(
+            tokens.append(
                 _Token("word", piece.lower(), at + 1) if word else _Token(kind, piece, at + 1)
             )
             at = match.end()
-        return [*found, _Token("end", "the end", len(text) + 1)]
+        return [*tokens, _Token("end", "the end", len(text) + 1)]
 
     @property
     def _here(self) -> _Token:
@@ -149,23 +149,23 @@ class _ConditionParser:
         return UsageError(f"condition, position {token.at} ({token.text}): {why}")
 
     def _any(self) -> Any:
-        found = self._all()
+        either = self._all()
         while self._take("word", "or"):
-            found = found | self._all()
-        return found
+            either = either | self._all()
+        return either
 
     def _all(self) -> Any:
-        found = self._negated()
+        both = self._negated()
         while self._take("word", "and"):
-            found = found & self._negated()
-        return found
+            both = both & self._negated()
+        return both
 
     def _negated(self) -> Any:
         inverted = False
         while self._take("word", "not"):
             inverted = not inverted
-        found = self._one()
-        return ~found if inverted else found
+        term = self._one()
+        return ~term if inverted else term
 
     def _one(self) -> Any:
         if bracket := self._take("sign", "("):
@@ -203,11 +203,11 @@ class _ConditionParser:
     def _listed(self, left: _Operand) -> Any:
         self._need("sign", "(")
         equals = _Token("sign", "=", self._here.at)
-        found = self._compared(left, equals, self._operand())
+        any_of = self._compared(left, equals, self._operand())
         while self._take("sign", ","):
-            found = found | self._compared(left, equals, self._operand())
+            any_of = any_of | self._compared(left, equals, self._operand())
         self._need("sign", ")")
-        return found
+        return any_of
 
     def _alike(self, left: _Operand, at: _Token) -> Any:
         import pyarrow.compute as pc

@@ -306,12 +306,12 @@ def chosen(names: Sequence[str], table: pa.Table) -> list[str]:
     Raises:
         UsageError: there is no such column.
     """
-    found = [name.strip() for text in names for name in text.split(",") if name.strip()]
-    for name in found:
+    columns = [name.strip() for text in names for name in text.split(",") if name.strip()]
+    for name in columns:
         if name not in table.column_names:
             told = f"--columns: there is no column {name!r}; {nearest(name, table.column_names)}"
             raise UsageError(told)
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(columns))
 
 
 # copies of scenarios with all that they need ----------------------------------------------------

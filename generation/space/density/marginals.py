@@ -88,11 +88,11 @@ class PiecewiseConstant:
         edges, weights = np.array(self.edges), np.array(self.weights)
         with np.errstate(divide="ignore"):
             pieces = np.log(weights / weights.sum() / np.diff(edges))
-        found: FloatArray = pieces[
+        densities: FloatArray = pieces[
             # `right`: an edge belongs to the piece above it, the last edge to the last piece.
             np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(weights) - 1)
         ]
-        return np.where((values >= self.low) & (values <= self.high), found, -np.inf)
+        return np.where((values >= self.low) & (values <= self.high), densities, -np.inf)
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n,)."""
@@ -182,9 +182,9 @@ class Choices:
         # A probability over the width of its cell: comparable with densities of continuous
         # parameters.
         with np.errstate(divide="ignore"):
-            found = np.log(np.array(self.weights) / sum(self.weights) / np.diff(self._edges))
+            densities = np.log(np.array(self.weights) / sum(self.weights) / np.diff(self._edges))
         inside = (values >= self.low) & (values <= self.high)
-        return np.where(inside, found[self._cells(values)], -np.inf)
+        return np.where(inside, densities[self._cells(values)], -np.inf)
 
     def nearest(self, values: FloatArray) -> FloatArray:
         """The choice that each value (n,) stands for."""
@@ -399,17 +399,17 @@ class DeclaredPrior(Prior):
 
     def possible(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are in the box and keep the constraints: (n,)."""
-        found = self.inside(theta)
+        admitted = self.inside(theta)
         if self._admits is not None:
-            found[found] = self._admits(theta[found])
-        return found
+            admitted[admitted] = self._admits(theta[admitted])
+        return admitted
 
     def _raw(self, theta: FloatArray) -> FloatArray:
-        found = np.zeros(len(theta))
+        total = np.zeros(len(theta))
         for name, marginal, values in zip(self.names, self._marginals, theta.T, strict=True):
             if name not in self.nuisances:
-                found += marginal.log_density(values)
-        return found
+                total += marginal.log_density(values)
+        return total
 
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
         return np.stack([marginal.sample(n, generator) for marginal in self._marginals], axis=1)
@@ -454,11 +454,11 @@ class DeclaredPrior(Prior):
     def _discrete(
         self, theta: FloatArray, change: Callable[[Choices, FloatArray], FloatArray]
     ) -> FloatArray:
-        found = theta.copy()
+        rows = theta.copy()
         for column, marginal in enumerate(self._marginals):
             if isinstance(marginal, Choices):
-                found[:, column] = change(marginal, theta[:, column])
-        return found
+                rows[:, column] = change(marginal, theta[:, column])
+        return rows
 
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) as they are: nothing is recorded of nuisances."""
@@ -514,9 +514,11 @@ class JointPrior(Prior):
 
     def possible(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible in each part: (n,)."""
-        found = np.all([part.possible(self._columns(part, theta)) for part in self._parts], axis=0)
-        found[found] = self._admits(theta[found])
-        return found
+        admitted = np.all(
+            [part.possible(self._columns(part, theta)) for part in self._parts], axis=0
+        )
+        admitted[admitted] = self._admits(theta[admitted])
+        return admitted
 
     @cached_property
     def _log_share(self) -> float:
@@ -527,11 +529,11 @@ class JointPrior(Prior):
 
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
-        found = (
+        densities = (
             np.sum([part.log_density(self._columns(part, theta)) for part in self._parts], axis=0)
             - self._log_share
         )
-        return np.where(self.possible(theta), found, -np.inf)
+        return np.where(self.possible(theta), densities, -np.inf)
 
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is
@@ -556,7 +558,7 @@ class JointPrior(Prior):
     def _by_part(
         self, theta: FloatArray, change: Callable[[Prior, FloatArray], FloatArray]
     ) -> FloatArray:
-        found = theta.copy()
+        rows = theta.copy()
         for part in self._parts:
-            found[:, self.columns(part.names)] = change(part, self._columns(part, theta))
-        return found
+            rows[:, self.columns(part.names)] = change(part, self._columns(part, theta))
+        return rows

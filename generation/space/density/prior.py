@@ -57,11 +57,11 @@ def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArr
     """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings
     (n,); read-only."""
     # A model that was fitted on a row finds it likelier than any new one: each is judged by others.
-    found = np.empty(len(theta))
+    densities = np.empty(len(theta))
     for density, tested in others(name, theta, recordings):
-        found[tested] = density.log_density(theta[tested])
-    found.flags.writeable = False
-    return found
+        densities[tested] = density.log_density(theta[tested])
+    densities.flags.writeable = False
+    return densities
 
 
 @_once
@@ -161,8 +161,8 @@ class Prior(ABC):
         """Rows (n, d) within the operational domain that traffic does: possible, no less likely
         than 99 % of recorded units, each by the density of other recordings, and no further from a
         recorded unit than 99 % of them: (n,). Costs no simulation."""
-        found = self._foreseeable(np.asarray(theta, np.float64))
-        return found if self.domain is None else found & self.domain(theta)
+        likely = self._foreseeable(np.asarray(theta, np.float64))
+        return likely if self.domain is None else likely & self.domain(theta)
 
     @abstractmethod
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
@@ -170,9 +170,9 @@ class Prior(ABC):
 
     def within(self, domain: Callable[[FloatArray], BoolArray] | None) -> Self:
         """The same prior with an operational domain."""
-        found = copy(self)
-        found.domain = domain
-        return found
+        limited = copy(self)
+        limited.domain = domain
+        return limited
 
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
         """`log_density` and `foreseeable` of rows (n, d)."""
@@ -295,11 +295,11 @@ class RecordedPrior(Prior):
 
     def _by_actor(self, values: Mapping[str, FloatArray]) -> dict[str, ByRole]:
         """Values in SI units by role, for each actor."""
-        found: dict[str, dict[str, FloatArray]] = {}
+        actors: dict[str, dict[str, FloatArray]] = {}
         for name, (actor, role, factor) in self._roles.items():
             if name in values:
-                found.setdefault(actor, {})[role] = values[name] / factor
-        return dict(found)
+                actors.setdefault(actor, {})[role] = values[name] / factor
+        return dict(actors)
 
     def possible(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are in the box and within the physical limits: (n,)."""
@@ -342,10 +342,10 @@ class RecordedPrior(Prior):
 
     def _least(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Return the offset (n, k) subtracted before the logarithm."""
-        found = np.zeros((len(next(iter(values.values()))), len(self.searched)))
+        offsets = np.zeros((len(next(iter(values.values()))), len(self.searched)))
         if self._least_gap is not None and self._least_gap.gap in self.searched:
-            found[:, self.searched.index(self._least_gap.gap)] = self._least_gap.at(values)
-        return found
+            offsets[:, self.searched.index(self._least_gap.gap)] = self._least_gap.at(values)
+        return offsets
 
     def _logs(self, theta: FloatArray) -> FloatArray:
         """Logarithms of searched parameters."""
@@ -372,11 +372,11 @@ class RecordedPrior(Prior):
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p(searched | pinned) of rows (n, d): (n,)."""
         theta = np.asarray(theta, np.float64)
-        found = np.full(len(theta), -np.inf)
+        densities = np.full(len(theta), -np.inf)
         possible = self.possible(theta)
         if possible.any():
-            found[possible] = self._raw(theta[possible]) - self._log_share
-        return found
+            densities[possible] = self._raw(theta[possible]) - self._log_share
+        return densities
 
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
         return self.of_logs(self._density.sample(n, generator))
@@ -410,14 +410,16 @@ class RecordedPrior(Prior):
     def held_out(self) -> FloatArray:
         """log p(searched | pinned) of each recorded unit (m,) by the density of other recordings,
         given its own values of what is pinned; over all that is positive."""
-        found = np.empty(len(self._log_rows))
+        densities = np.empty(len(self._log_rows))
         for other, tested in others(self._model, self._log_rows, self._recordings):
-            found[tested] = other.log_density(self._log_rows[tested])
+            densities[tested] = other.log_density(self._log_rows[tested])
             if self._given:
                 given = _gaussians(other, self._model).marginal(self._given_columns)
                 # p(searched | pinned) = p(searched, pinned) / p(pinned).
-                found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
-        return found - self._log_rows[:, : len(self.searched)].sum(axis=1)
+                densities[tested] -= given.log_density(
+                    self._log_rows[tested][:, self._given_columns]
+                )
+        return densities - self._log_rows[:, : len(self.searched)].sum(axis=1)
 
     @cached_property
     def limit(self) -> float:
@@ -430,14 +432,14 @@ class RecordedPrior(Prior):
         return float(np.exp(self._log_share))
 
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
-        found = self.possible(theta)
-        if found.any():
+        likely = self.possible(theta)
+        if likely.any():
             # The density alone would allow a gap between two clusters; the distance alone, a rare
             # corner.
-            found[found] = (self._raw(theta[found]) >= self.limit) & self._recorded_like(
-                theta[found]
+            likely[likely] = (self._raw(theta[likely]) >= self.limit) & self._recorded_like(
+                theta[likely]
             )
-        return found
+        return likely
 
     @cached_property
     def _standard(self) -> FloatArray:
@@ -451,10 +453,10 @@ class RecordedPrior(Prior):
         of units keep within."""
         from scipy.spatial import KDTree
 
-        found = np.empty(len(self._standard))
+        distances = np.empty(len(self._standard))
         for rest, tested in folds(self._recordings):
-            found[tested] = KDTree(self._standard[rest]).query(self._standard[tested])[0]
-        return float(np.quantile(found, 1.0 - FORESEEABLE))
+            distances[tested] = KDTree(self._standard[rest]).query(self._standard[tested])[0]
+        return float(np.quantile(distances, 1.0 - FORESEEABLE))
 
     @cached_property
     def _nearest(self) -> Any:
@@ -482,7 +484,7 @@ class RecordedPrior(Prior):
             return np.empty((0, len(theta)))
         whole, logs = fitted(self._model, self._log_rows, self._recordings), self._logs(theta)
         rows_of = {name: np.flatnonzero(self._recordings == name) for name in names}
-        found, present = (
+        ratios, present = (
             np.empty((n, len(theta))),
             self._density.log_density(logs) - self._log_share,
         )
@@ -496,8 +498,8 @@ class RecordedPrior(Prior):
             # Each resampled density has its own share of what is possible: without it ratios would
             # be biased.
             share = self.possible(self.of_logs(other.sample(_COUNTED // 10, generator))).mean()
-            found[number] = other.log_density(logs) - np.log(max(float(share), 1e-9)) - present
-        return found
+            ratios[number] = other.log_density(logs) - np.log(max(float(share), 1e-9)) - present
+        return ratios
 
     # nuisances
 
@@ -556,13 +558,13 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
     over the time between their middles; the jerk at the onset is a parameter of its own. 0 where
     nothing can be said.
     """
-    found: dict[str, FloatArray] = {"jerk at the onset": values[JERK]} if JERK in values else {}
+    amounts: dict[str, FloatArray] = {"jerk at the onset": values[JERK]} if JERK in values else {}
     duration = values.get("duration")
     phases = []
     if duration is not None:
         # Greatest second derivative of a sinusoidal change over the width of a lane
         # (`dynamics.SHAPES`).
-        found["lateral acceleration"] = 0.5 * np.pi**2 * LANE / np.square(duration)
+        amounts["lateral acceleration"] = 0.5 * np.pi**2 * LANE / np.square(duration)
         if {"start_speed", "end_speed"} <= values.keys():
             phases.append((values["end_speed"] - values["start_speed"]) / duration)
     if {"end_speed", "final_speed", "rest_time"} <= values.keys():
@@ -575,13 +577,13 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
             )
         )
         if duration is not None and len(phases) == 2:
-            found["jerk"] = np.where(
+            amounts["jerk"] = np.where(
                 rest >= _BRIEF, np.abs(phases[1] - phases[0]) / (0.5 * (duration + rest)), 0.0
             )
     if phases:
-        found["deceleration"] = np.max([-phase for phase in phases], axis=0)
-        found["acceleration"] = np.max(phases, axis=0)
-    return found
+        amounts["deceleration"] = np.max([-phase for phase in phases], axis=0)
+        amounts["acceleration"] = np.max(phases, axis=0)
+    return amounts
 
 
 @dataclass(frozen=True)
@@ -642,9 +644,9 @@ class Limits:
 
     def kept(self, values: ByRole) -> BoolArray:
         """Whether each is within them (n,)."""
-        found = quantities(values)
+        amounts = quantities(values)
         n = len(next(iter(values.values()), np.zeros(0)))
-        within = [found[name] <= most for name, most in self.most.items() if name in found]
+        within = [amounts[name] <= most for name, most in self.most.items() if name in amounts]
         return np.all(within, axis=0) if within else np.ones(n, bool)
 
 
@@ -675,14 +677,14 @@ def by_actor(
     Args:
         values: by parameter. roles: of parameters; those without values are left out.
     """
-    found: dict[str, dict[str, FloatArray]] = {}
+    actors: dict[str, dict[str, FloatArray]] = {}
     shared: dict[str, FloatArray] = {}
     for name, (actor, role, factor) in roles.items():
         if name in values:
-            (shared if role == EGO_SPEED else found.setdefault(actor, {}))[role] = (
+            (shared if role == EGO_SPEED else actors.setdefault(actor, {}))[role] = (
                 values[name] / factor
             )
-    return {actor: of | shared for actor, of in found.items()} or {"": shared}
+    return {actor: of | shared for actor, of in actors.items()} or {"": shared}
 
 
 def reading(of: Mapping[str, FloatArray], actor: str) -> Reading:

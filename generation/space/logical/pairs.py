@@ -201,17 +201,17 @@ class PairScenario:
 
     def defaults(self) -> dict[str, float]:
         """Values of the parameters, by the names of their declarations."""
-        found = {
+        values = {
             declared_name(part.actor, role): value
             for part in self.pair.parts
             for role, value in _DEFAULTS.items()
         }
         second = self.pair.second
         if isinstance(second, Follower):
-            found[declared_name(second.actor, "gap")] = _DEFAULTS["gap"]
+            values[declared_name(second.actor, "gap")] = _DEFAULTS["gap"]
         else:
-            found[f"{second.actor}_{BEGIN}"] = LEAD_IN + 1.0
-        return {**found, f"{EGO}_Speed_mps": 25.0}
+            values[f"{second.actor}_{BEGIN}"] = LEAD_IN + 1.0
+        return {**values, f"{EGO}_Speed_mps": 25.0}
 
     def _parameters(self) -> list[Any]:
         limits = {

@@ -102,13 +102,13 @@ class Difference(NamedTuple):
 @cache
 def known_differences() -> tuple[Difference, ...]:
     """All differences, each after those that it may build on."""
-    found = []
+    differences = []
     for path in _FOLDER.iterdir():
         if parts := _FILE.fullmatch(path.name):
             standard, *numbers = parts.groups()
             a, b, c, d, e, f = map(int, numbers)
-            found.append(Difference(standard, (d, e, f), (a, b, c), path))
-    return tuple(sorted(found))
+            differences.append(Difference(standard, (d, e, f), (a, b, c), path))
+    return tuple(sorted(differences))
 
 
 def additions(difference: Difference) -> Iterator[tuple[str, str, str]]:

@@ -57,12 +57,12 @@ def judge(name: str, pairs: bool) -> str:
 def models() -> dict[str, Model]:
     """The models by name, the default one first; none of them is imported."""
     # Described in the sources: importing the models would load torch and scikit-learn.
-    found = {
+    by_name = {
         name: Model(f"{__name__}.{module}", description["class"], description["title"])
         for module, densities in described(__name__, "DENSITIES").items()
         for name, description in densities.items()
     }
-    return {DEFAULT: found.pop(DEFAULT), **dict(sorted(found.items()))}
+    return {DEFAULT: by_name.pop(DEFAULT), **dict(sorted(by_name.items()))}
 
 
 def model(name: str) -> Density:
@@ -71,12 +71,12 @@ def model(name: str) -> Density:
     Raises:
         UsageError: no model has that name.
     """
-    found = models()
-    if name not in found:
+    by_name = models()
+    if name not in by_name:
         raise UsageError(
-            f"there is no density {name!r}; {guess(name, found)}densities: {', '.join(found)}"
+            f"there is no density {name!r}; {guess(name, by_name)}densities: {', '.join(by_name)}"
         )
-    new: Density = getattr(import_module(found[name].module), found[name].name)()
+    new: Density = getattr(import_module(by_name[name].module), by_name[name].name)()
     return new
 
 

@@ -80,8 +80,8 @@ class Mixture(Density):
         with threadpool_limits(
             1
         ):  # matrices this small lose far more by handing out work than more threads bring
-            found = self._from(_STARTS, self.components or self._likeliest(white, most), white)
-        self._white = Components(np.log(found.weights_), found.means_, found.covariances_)
+            fitted = self._from(_STARTS, self.components or self._likeliest(white, most), white)
+        self._white = Components(np.log(fitted.weights_), fitted.means_, fitted.covariances_)
 
     def _from(self, starts: int, components: int, white: FloatArray) -> GaussianMixture:
         from sklearn.mixture import GaussianMixture
