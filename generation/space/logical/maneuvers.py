@@ -260,6 +260,11 @@ class ManeuverScenario:
         """The actor's parameters by role."""
         return {role: f"${declared_name(self.maneuver.actor, role)}" for role in self._declared}
 
+    @property
+    def _settled(self) -> dict[str, str]:
+        """The same, with a rest time in which the last change of speed is comfortable."""
+        return self._roles | {"rest_time": storyboard.settling(self._roles)}
+
     def _role(self, role: str) -> str:
         return self._roles[role]
 
@@ -333,7 +338,13 @@ class ManeuverScenario:
 
     def _maneuver(self, actor: str, lanes: int) -> Any:
         events = storyboard.events(
-            f"{actor} changes", f"{actor} settles", self._roles, actor, lanes, self._start()
+            f"{actor} changes",
+            f"{actor} settles",
+            self._settled,
+            actor,
+            lanes,
+            self._start(),
+            roads.SPEED_SHAPE,
         )
         return maneuvers.maneuver(f"{actor} maneuver", events)
 
@@ -367,4 +378,4 @@ class ManeuverScenario:
     def _stop(self) -> Conditions:
         """Stop trigger: a collision of the ego, or the scene's end."""
         collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
-        return [*collisions, *storyboard.ends(f"{self.maneuver.actor} changes", self._roles)]
+        return [*collisions, *storyboard.ends(f"{self.maneuver.actor} changes", self._settled)]

@@ -291,8 +291,15 @@ class PairScenario:
             storyboard.gap_reached(EGO, actor, f"${{{_EVER}}}"),
         ]
         lanes = part.change if actor != self.without else 0
+        terms = self._terms[actor]
         events = storyboard.events(
-            f"{actor} changes", f"{actor} settles", self._terms[actor], actor, lanes, start
+            f"{actor} changes",
+            f"{actor} settles",
+            terms | {"rest_time": storyboard.settling(terms)},
+            actor,
+            lanes,
+            start,
+            roads.SPEED_SHAPE,
         )
         return maneuvers.maneuver(f"{actor} maneuver", events)
 

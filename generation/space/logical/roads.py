@@ -26,6 +26,10 @@ from xosc.writing import maneuvers, tags
 from xosc.writing.maneuvers import Dynamics, FileHeader
 from xosc.writing.tags import ASAM, Tag, properties
 
+SPEED_SHAPE = "sinusoidal"
+"""Shape of changes of speed in scenarios of the library: no acceleration at both ends, and over the
+same time and way as a line"""
+
 
 @dataclass(frozen=True)
 class LibraryRoad:

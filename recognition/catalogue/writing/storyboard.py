@@ -178,6 +178,9 @@ def greater(a: str, b: str, version: Version = _MIN_MAX) -> str:
 
 _SHAPE = "sinusoidal"
 """Shape of lane changes over time"""
+_COMFORT = 2.5
+"""Jerk (m/s³) of comfortable changes of speed: that of adaptive cruise control above 20 m/s
+(ISO 15622:2018)"""
 _PATIENCE = 10.0
 """Time (s), beyond the expected one, after which a scenario without its gap ends"""
 
@@ -203,6 +206,7 @@ def events(
     actor: str,
     lanes: int,
     start: Conditions | list[TriggerCondition],
+    shape: str = "linear",
 ) -> list[Any]:
     """The events of the actor: its change of speed and lane over the duration, then the change to
     the final speed.
@@ -214,19 +218,39 @@ def events(
             change over the duration that much longer.
         lanes: how many lanes to the left; 0 for none.
         start: the trigger.
+        shape: of the changes of speed. A line has an infinite jerk at its ends; what is fitted to
+            recordings is one.
     """
-    over_time = Dynamics("linear", "time", parameters["duration"])
+    over_time = Dynamics(shape, "time", parameters["duration"])
     actions = [_sped(parameters, over_time)]
     if lanes:
         actions.append(
             maneuvers.lane_change(lanes, over_time._replace(shape=_SHAPE), relative_to=actor)
         )
     settled = maneuvers.speed(
-        parameters["final_speed"], over_time._replace(value=parameters["rest_time"])
+        parameters["final_speed"], over_time._replace(value=_value(parameters["rest_time"]))
     )
     # The second change begins in the step after the first one has ended, with the speed reached.
     changed = maneuvers.element_state("event", change, "completeState")
     return [maneuvers.event(change, actions, start), maneuvers.event(settle, [settled], changed)]
+
+
+def settling(parameters: Mapping[str, str]) -> str:
+    """Term of the time from the end of the change to the scene's: the rest time, or so long that a
+    sinusoidal change to the final speed is comfortable.
+
+    Args:
+        parameters: terms by role.
+    """
+    end, final, rest = (parameters[role] for role in ("end_speed", "final_speed", "rest_time"))
+    # Greatest second derivative of the shape: π²/2 · |change| / time² (`dynamics.SHAPES`).
+    needed = round(math.pi / math.sqrt(2.0 * _COMFORT), 4)
+    return f"max({rest}, {needed} * sqrt(abs({final} - {end})))"
+
+
+def _value(term: str) -> str:
+    """A term as the value of an attribute: a parameter alone, or an expression."""
+    return term if term.removeprefix("$").isidentifier() else f"${{{term}}}"
 
 
 def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
@@ -260,7 +284,7 @@ def ends(change: str, parameters: Mapping[str, str]) -> list[list[TriggerConditi
     """
     times = " + ".join(parameters[role] for role in ("start_time", "duration", "rest_time"))
     return [
-        [changed(change, parameters["rest_time"])],
+        [changed(change, _value(parameters["rest_time"]))],
         [maneuvers.simulation_time(f"${{{times} + {_PATIENCE}}}")],
     ]
 

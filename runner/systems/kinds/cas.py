@@ -140,6 +140,7 @@ class CollisionAvoidance:
         sensor_range: how far it sees, m.
         rss: name of the RSS parameter set.
         brake: deceleration when in danger, m/s².
+        jerk: how fast its braking builds up, m/s³; at once by default, as published.
     """
 
     sensors = True
@@ -147,17 +148,23 @@ class CollisionAvoidance:
     sensor_range: float = 10.0
     rss: str = "ad-rss"
     brake: float = 8.0
+    jerk: float = math.inf
     _parameters: RssParameters = field(init=False)
+    _braking: float = field(default=0.0, init=False)
+    _brakings: FloatArray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.sensor_range >= 0.0:
             raise UsageError(f"sensor_range of cas is 0 m or more, not {self.sensor_range:g}")
         if not self.brake > 0.0:
             raise UsageError(f"brake of cas is more than 0 m/s², not {self.brake:g}")
+        if not self.jerk > 0.0:
+            raise UsageError(f"jerk of cas is more than 0 m/s³, not {self.jerk:g}")
         self._parameters = parameter_set(self.rss)
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
-        """Do nothing: no state is carried from run to run."""
+        """Forget the last run."""
+        self._braking = 0.0
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
@@ -170,8 +177,14 @@ class CollisionAvoidance:
             if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):
                 danger = self._danger(ego, other, way)
                 if danger:
-                    return Control(acceleration=-way * self.brake, reason=danger)
+                    self._braking = min(self.brake, self._braking + self.jerk * dt)
+                    return Control(acceleration=-way * self._braking, reason=danger)
+        self._braking = 0.0
         return _NOTHING
+
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Forget the last runs."""
+        self._brakings = np.zeros(len(seeds))
 
     def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
         """`control` in many runs."""
@@ -187,7 +200,12 @@ class CollisionAvoidance:
         if row.size:
             pairs = _PairedParticipants.of(ego, (run,)), _PairedParticipants.of(others, (row, run))
             danger[run[self._dangers(*pairs, way[run])]] = True
-        return BatchControl(-way * self.brake, danger)
+        if self.jerk == math.inf:
+            return BatchControl(-way * self.brake, danger)
+        built = np.minimum(self.brake, self._brakings[observations.run] + self.jerk * dt)
+        braking = np.where(danger, built, 0.0)
+        self._brakings[observations.run] = braking
+        return BatchControl(-way * braking, danger)
 
     def _dangers(
         self, ego: _PairedParticipants, other: _PairedParticipants, way: FloatArray

@@ -70,13 +70,13 @@ def test_an_ego_that_is_asked_for_too_much_is_inconclusive_in_arrays_too() -> No
             "Ego_StartSpeed_mps": "15.43",
             "Ego_EndSpeed_mps": speed,
             "Ego_StartTime_s": "2.152",
-            "Ego_Duration_s": "6.635",
+            "Ego_Duration_s": duration,
             "Ego_FinalSpeed_mps": final,
             "Ego_RestTime_s": "1.505",
             "Ego_Gap_m": "125.4",
             "Lead_Speed_mps": "22.84",
         }
-        for speed, final in (("28.66", "40.66"), ("20.66", "22.66"))
+        for speed, duration, final in (("28.66", "1.5", "40.66"), ("20.66", "6.635", "22.66"))
     ]
     found = played(path, sets, settings())
     singles = [runner.run(path, settings(), parameters=each) for each in sets]

@@ -26,6 +26,7 @@ from tests.runner.systems.situations import situation
 DT = 0.1
 LAWS = (
     "cas", "cas:sensor_range=60", "cas:sensor_range=40,rss=r157,brake=5",
+    "cas:sensor_range=60,jerk=20",
     "adas", "adas:latency=0", "adas:latency=0.25,emergency=2,clearance=1",
     "adas:far_angle=60,far_range=60,comfortable=1,coolness=0.2",
     "aeb", "aeb:partial_time=4,full_time=2,hold=20", "idm", "idm:clearance=3,brake=3",

@@ -461,6 +461,21 @@ def test_it_says_why() -> None:
 def test_parameters_are_checked() -> None:
     with pytest.raises(UsageError, match=r"ad-rss, r157"):
         CollisionAvoidance(rss="absent")
+    with pytest.raises(UsageError, match=r"jerk of cas is more than 0 m/s³, not 0"):
+        CollisionAvoidance(jerk=0.0)
+
+
+def test_braking_builds_up_by_its_jerk_and_anew_after_the_danger() -> None:
+    system, ego, lead = CollisionAvoidance(jerk=20.0), entity("Ego", 0, 0, 10), 12.0
+    near, far = (
+        Observation(0.0, ego, (entity("Lead", x, 0.5, 5),), 10.0, None, Environment())
+        for x in (lead, lead + 80.0)
+    )
+    seen = [near, near, near, near, near, far, near]
+    answers = [system.control(each, 0.1).acceleration for each in seen]
+    assert answers == [-2.0, -4.0, -6.0, -8.0, -8.0, None, -2.0]
+    system.reset(ego, 0.1, 0)
+    assert system.control(near, 0.1).acceleration == -2.0
 
 
 # blame --------------------------------------------------------------------------------------

@@ -49,7 +49,14 @@ class Run:
         return float(view.ahead[self.row(time)])
 
 
-def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0, jerk: float = 15.0) -> Run:
+def run(
+    name: str,
+    opening: float,
+    gap: float = 20.0,
+    time: float = 4.0,
+    jerk: float = 15.0,
+    rest: float = 2.0,
+) -> Run:
     """A run in which leader and ego move apart with `opening` m/s before the
     manoeuvre, whose jerk is as great as may be.
     """
@@ -65,7 +72,7 @@ def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0, jerk: f
         end,
         3.0,
         min(end + 1.0, 10.0) if plot.maneuver.braking else end + 1.0,
-        2.0,
+        rest,
     )
     asked = dict(zip(PARAMETERS, values, strict=True))
     given = {declared_name(plot.maneuver.actor, role): str(value) for role, value in asked.items()}
@@ -171,6 +178,17 @@ def test_a_change_with_a_jerk_lasts_longer_around_the_same_middle(name: str) -> 
     rates = np.diff(speed[: done.row(end + early)], n=2) / STEP**2
     assert np.abs(rates).max() <= jerk + 1e-3
     assert done.gap(0.0) - (asked["gap"] - opening * start) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_the_last_change_of_speed_is_comfortable_whatever_the_rest_time(name: str) -> None:
+    done = run(name, OPENING, rest=0.1)
+    speed = done.tracks[done.plot.maneuver.actor].columns["speed"]
+    assert speed[-1] == pytest.approx(done.asked["final_speed"], abs=0.05)
+    settling = np.flatnonzero(done.tracks["Ego"].columns["time"] > done.end - 1.0)[0]
+    rates = np.abs(np.diff(speed[settling:], n=2)) / STEP**2
+    assert 1.5 < rates.max() < 2.6
+    assert done.end > done.asked["start_time"] + done.asked["duration"] + 1.3
 
 
 def test_the_gap_is_waited_for_when_the_ego_is_late() -> None:

@@ -18,7 +18,8 @@ STEP = 0.05
 def recorded(
     name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float
 ) -> LaneCoordinates:
-    """What a run without a system under test records.
+    """What a run without a system under test records, where the actor's changes of speed are
+    lines: those that are fitted to recordings.
 
     Args:
         values: the seven parameters of the actor, in their order.
@@ -29,9 +30,20 @@ def recorded(
         for role, value in zip(PARAMETERS, values, strict=True)
     }
     given |= {key: str(value) for key, value in others.items()}
-    done = runner.run(
-        SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP
-    )
+    text = (SCENARIOS / f"{name}.xosc").read_text()
+    for old, new in (
+        (
+            'SpeedActionDynamics dynamicsShape="sinusoidal"',
+            'SpeedActionDynamics dynamicsShape="linear"',
+        ),
+        ('path="catalogs', f'path="{SCENARIOS}/catalogs'),
+        ("../../xodr/library", str(ROADS)),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / f"{name}.xosc"
+    path.write_text(text)
+    done = runner.run(path, parameters=given, sut=None, world="kinematic", timestep=STEP)
     assert done.verdict.passed, done.verdict.reasons
     return lane_motion(
         prepare(done.recording.locate(), site_at(ROADS / f"{road}.xodr", folder=folder), Rules())
