@@ -318,7 +318,8 @@ def _components(results: Path) -> str:
 
 
 def _measured(results: Path, wanted: str) -> str:
-    """Cells of result files: `stage|table|figure|row|row…`, several of them joined by ` & `."""
+    """Cells of result files: `stage|table|figure|row|row…`, several joined by ` & `; without rows,
+    that of the only one, whose title is a number."""
     return "; ".join(_cells(results, *one.split("|")) for one in wanted.split(" & "))
 
 
@@ -327,6 +328,9 @@ def _cells(results: Path, stage: str, name: str, figure: str, *titles: str) -> s
     best, found = 0, ""
     for scale, mark in _MARKS.items():
         rows = _rows(results / scale / stage / f"{name}.csv")
+        if not titles and rows:
+            ((count, row),) = rows.items()
+            return f"{figure} {row[figure]} ({count} {next(iter(row))}{mark})"
         chosen = [rows[title] for title in titles if figure in rows.get(title, {})]
         seeds = min((int(row.get(_SEEDS, "1")) for row in chosen), default=0)
         if len(chosen) == len(titles) and seeds > best:

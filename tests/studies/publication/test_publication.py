@@ -238,6 +238,12 @@ def test_what_a_part_costs_is_read_from_the_rows_with_most_seeds(tmp_path: Path)
     )
 
 
+def test_the_only_row_of_a_table_needs_no_name(tmp_path: Path) -> None:
+    table(tmp_path / SCALE / "cut_in_highway" / "reconstruction.csv", "manoeuvres,RMSE_t\n16,0.2\n")
+    found = page._measured(tmp_path, "cut_in_highway|reconstruction|RMSE_t")
+    assert found == "RMSE_t 0.2 (16 manoeuvres, smallest settings)"
+
+
 def test_rows_above_ours_are_listed_and_those_of_one_small_seed_are_not(tmp_path: Path) -> None:
     for scale in ("middle", "smallest"):
         table(
