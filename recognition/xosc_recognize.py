@@ -252,6 +252,12 @@ def replay(
 def label(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
     sorting: Sorting,
+    annotate: Annotated[
+        bool,
+        typer.Option(
+            "--annotate", help="Write tagged copies and OpenLABEL beside the runs' scenarios."
+        ),
+    ] = False,
     in_place: Annotated[
         bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")
     ] = False,
@@ -259,10 +265,9 @@ def label(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Label the results of runs, and annotate the scenarios that they are of.
+    """Label the results of runs; labels.json beside them lists what was found when.
 
-    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results
-    lists what was found when.
+    The scenarios that they are of are annotated if asked.
     """
     from recognition.catalogue.pipeline import label_runs
     from recognition.catalogue.recordings import CatalogueSettings
@@ -273,7 +278,11 @@ def label(
         _recogniser(sorting),
     )
     labelled = label_runs(
-        folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place
+        folder,
+        settings,
+        recogniser(),
+        partial(progress_bar, quiet=quiet),
+        "scenarios" if in_place else "copies" if annotate else None,
     )
     _print_note(note, quiet)
     if not quiet:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import xosc
 from recognition import recordings as datasets
@@ -420,15 +420,14 @@ def label_runs(
     settings: CatalogueSettings,
     recogniser: Recogniser,
     bar: Bar,
-    *,
-    in_place: bool = False,
+    annotate: Literal["copies", "scenarios"] | None = None,
 ) -> LabelledRuns:
-    """Label the runs in a folder and annotate their scenarios.
+    """Label the runs in a folder; `labels.json` there lists all that was found.
 
-    Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as
-    properties (from version 1.2 on), and the tags as OpenLABEL; beside a shipped one neither.
-    The scenario itself is written only `in_place`. `labels.json` in the folder lists all that was
-    found.
+    Nothing else is written unless asked: to annotate writes the tags as OpenLABEL beside each
+    scenario, and as properties of the FileHeader (from version 1.2 on) into copies,
+    `<name>_labelled.xosc` beside the scenarios, or into the scenarios themselves. Shipped scenarios
+    are left alone.
 
     Raises:
         InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any
@@ -448,24 +447,24 @@ def label_runs(
         for source in sources
     }
     by_scenario: dict[Path, list[Source]] = {}
-    for source in sources:
+    for source in sources if annotate else ():
         by_scenario.setdefault(runs.scenario(source.path), []).append(source)
     record = folder / LABELS
     before = digests(record)
     files = {
         path: content
         for scenario, of in by_scenario.items()
-        for path, content in _annotations(scenario, of, found, in_place)
+        for path, content in _annotations(scenario, of, found, annotate == "scenarios")
         if path.parent.resolve() != LIBRARY.resolve()  # it is not the user's to write to
     }
     edited = [
         path
         for path, content in files.items()
-        if not _write(path, content, before, in_place and path in by_scenario)
+        if not _write(path, content, before, annotate == "scenarios" and path in by_scenario)
     ]
     written = {str(path): digest(content) for path, content in files.items() if path not in edited}
     table = {
-        "files": written,
+        "files": {**before, **written},
         "runs": {
             name: [_told(detection) for detection in listed] for name, listed in found.items()
         },

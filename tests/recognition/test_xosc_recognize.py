@@ -204,7 +204,8 @@ def test_runs_are_labelled(recognize: Command, tmp_path: Path, recordings: Path)
     )
     answer = recognize("label", tmp_path / "runs", "--labels", "rules")
     assert (answer.code, answer.err) == (0, "")
-    assert "run: highway cut in of Ego at " in answer.out
+    assert "run: highway cut in of Ego at " in answer.out and "written: " not in answer.out
+    answer = recognize("label", tmp_path / "runs", "--labels", "rules", "--annotate")
     assert f"written: {scenario.with_name(f'{scenario.stem}_labelled.xosc')}" in answer.out
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from functools import partial
 from pathlib import Path
+from typing import Literal
 from shutil import copytree
 
 import pytest
@@ -40,10 +41,9 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
     return out
 
 
-def label(runs: Path, *, in_place: bool = False) -> LabelledRuns:
-    return label_runs(
-        runs, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), in_place=in_place
-    )
+def label(runs: Path, annotate: Literal["copies", "scenarios"] | None = "copies") -> LabelledRuns:
+    bar = partial(progress_bar, quiet=True)
+    return label_runs(runs, CatalogueSettings(), ByRules(), bar, annotate)
 
 
 def held(path: Path) -> dict[str | None, str | None]:
@@ -72,6 +72,13 @@ def test_a_copy_and_tags_come_beside_the_scenario(scenario: Path, tmp_path: Path
     assert not any("of CutIn" in str(each) for each in told["Findings"]), "tags are about the ego"
 
 
+def test_nothing_is_written_beside_a_scenario_unless_asked(scenario: Path, tmp_path: Path) -> None:
+    runs, before = run(scenario, tmp_path / "runs"), sorted(scenario.parent.iterdir())
+    labelled = label(runs, annotate=None)
+    assert (labelled.written, sorted(scenario.parent.iterdir())) == ([], before)
+    assert labelled.findings.keys() == json.loads((runs / "labels.json").read_text())["runs"].keys()
+
+
 def test_all_that_was_found_is_told_beside_the_runs(scenario: Path, tmp_path: Path) -> None:
     runs = run(scenario, tmp_path / "runs", "one", "two")
     label(runs)
@@ -96,11 +103,12 @@ def test_labelling_again_changes_nothing_and_leaves_edited_files(
     first.written[0].write_bytes(b"mine")
     for _ in range(2):
         assert label(runs).edited == [first.written[0]]
+        assert label(runs, annotate=None).edited == []
     assert first.written[0].read_bytes() == b"mine"
 
 
 def test_in_place_the_scenario_itself_is_annotated(scenario: Path, tmp_path: Path) -> None:
-    labelled = label(run(scenario, tmp_path / "runs"), in_place=True)
+    labelled = label(run(scenario, tmp_path / "runs"), "scenarios")
     assert (
         scenario in labelled.written
         and not scenario.with_name("simple_cut_in_labelled.xosc").exists()
