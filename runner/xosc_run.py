@@ -27,6 +27,7 @@ from schemas.common.terminal.command_line import (
 )
 from schemas.common.terminal.files import complete_name
 from schemas.common.terminal.options import READ, with_settings
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also, BatchComparison
@@ -111,6 +112,8 @@ def xosc_run(
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
+        if batch.dry_run and table.shown > 1:
+            table.tell(f"without --dry-run: {many(source.made, 'run')}")
         if not batch.dry_run and table.shown != source.made:
             told = f"{table.shown} outcomes of {source.made} runs"
             print(f"xosc-run: internal error: {told}", file=sys.stderr)

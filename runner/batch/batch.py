@@ -377,10 +377,11 @@ def _unique(paths: Iterable[str], key: Callable[[str], str | None]) -> dict[str 
 
 
 class EarlierRun(NamedTuple):
-    """State of a run in an earlier batch, and digest of its files."""
+    """State of a run in an earlier batch, digest of its files, and speed of its impact (m/s)."""
 
     state: str
     content: str
+    impact: float | None = None
 
 
 @dataclass
@@ -426,11 +427,16 @@ class BatchComparison:
             if key is None or journal.is_sealed(outcome, key)
         ]
         runs = {
-            _key(outcome.job): EarlierRun(outcome.state, outcome.content) for outcome in earlier
+            _key(outcome.job): EarlierRun(outcome.state, outcome.content, _impact(outcome))
+            for outcome in earlier
         }
         same = counterparts_of(files, [outcome.job.source for outcome in earlier])
         content = partial(inputs.content_of, run=settings)
-        return cls(folder.resolve().name, runs, content, same)
+        system, now = journal.settings(folder).get("sut"), settings.as_json()["sut"]
+        title = folder.resolve().name
+        return cls(
+            title if system == now else f"{title} ({system}, now {now})", runs, content, same
+        )
 
     def add(self, outcome: Outcome) -> None:
         """Take a run of the batch in."""
@@ -460,8 +466,20 @@ class BatchComparison:
         run = self._earlier(outcome)
         return run is not None and run.content != (outcome.content or self.content(outcome.job))
 
+    def harder(self, outcome: Outcome) -> tuple[float, float] | None:
+        """Speeds of a run's impact (m/s) in the earlier batch and now, where it has become harder
+        by 0.1 m/s or more."""
+        run, now = self._earlier(outcome), _impact(outcome)
+        if run is None or run.impact is None or now is None or now - run.impact < 0.1:
+            return None
+        return run.impact, now
+
     def _earlier(self, outcome: Outcome) -> EarlierRun | None:
         return self.before.get(_key(outcome.job, self.counterparts))
+
+
+def _impact(outcome: Outcome) -> float | None:
+    return None if outcome.impact is None else float(outcome.impact["speed"])
 
 
 def _key(job: Job, counterparts: Mapping[str, str] = MappingProxyType({})) -> Identity:

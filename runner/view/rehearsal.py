@@ -117,9 +117,9 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
     job = Job(name, first.source, first.scenario)
     # Sets without a new pair were never worked out: their number is that of the file.
     every = sets[first.source]
-    pairwise = f", {count} loaded, with every pair of values" if count < every else ""
+    pairwise = f", {count:,} loaded, with every pair of values" if count < every else ""
     if not failures:
-        said = f"{every} parameter sets{pairwise}" * varied
+        said = f"{many(every, 'parameter set')}{pairwise}" * varied
         return Outcome(job, "loaded", 0, said, status="compiled", remarks=[*remarks])
     worst = gravest(outcome.exit_code for outcome in failures)
     first_worst = next(outcome for outcome in failures if outcome.exit_code == worst)

@@ -276,7 +276,7 @@ def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
     )
     variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
     told = (
-        f"remark: {variation}: 2 parameter sets left out: the values violate the "
+        f"remark: {variation}: 2 more parameter sets left out: the values violate the "
         "scenario's constraints"
     )
     for options in ([], ["--dry-run"], ["--sample", "4"]):
@@ -320,7 +320,10 @@ def test_a_dry_run_compiles_and_writes_nothing(
         ["ERROR", "bad"],
     ]
     assert "not run (--dry-run)" in answer.out and "PASSED" not in answer.out
-    assert answer.out.splitlines()[-1] == "2 files: 1 error, 1 loaded"
+    assert answer.out.splitlines()[-2:] == [
+        "2 files: 1 error, 1 loaded",
+        "without --dry-run: 2 runs",
+    ]
     assert not (tmp_path / "out").exists()
 
 

@@ -209,7 +209,7 @@ class OutcomeTable:
             self._print(f"remark: {remark}")
         for path, count in left_out.items():
             text = (
-                f"{path}: {many(count, 'parameter set')} left out: the values violate the "
+                f"{path}: {many(count, 'more parameter set')} left out: the values violate the "
                 "scenario's constraints"
             )
             self._print(f"remark: {one_line(text)}")
@@ -241,15 +241,22 @@ class OutcomeTable:
         Args:
             replays: output folder with replays of the runs; None where there are none.
         """
-        kinds = {"new": earlier.new, "fixed": earlier.fixed, "still failing": earlier.still}
+        harder = {id(outcome): earlier.harder(outcome) for outcome in earlier.still}
+        # What has become worse must not be among the many that a long list leaves out.
+        still = sorted(earlier.still, key=lambda outcome: harder[id(outcome)] is None)
+        kinds = {"new": earlier.new, "fixed": earlier.fixed, "still failing": still}
+        worse = sum(speeds is not None for speeds in harder.values())
         self.tell(
             f"since {one_line(earlier.title)}: "
             + ", ".join(f"{len(runs)} {kind}" for kind, runs in kinds.items())
+            + (f" ({worse} with a harder impact)" if worse else "")
         )
         for kind, runs in kinds.items():
             for outcome in runs[:_LISTED]:
                 was = earlier.was(outcome) or "not in it"
                 was += ", of files that have changed" if earlier.changed(outcome) else ""
+                if speeds := harder.get(id(outcome)):
+                    was += f" at {speeds[0]:.1f} m/s, now {speeds[1]:.1f} m/s"
                 pages = (
                     replays / outcome.job.name / name for name in _PAGES if replays is not None
                 )

@@ -6,8 +6,8 @@ import json
 import re
 from functools import partial
 from pathlib import Path
-from typing import Literal
 from shutil import copytree
+from typing import Literal
 
 import pytest
 

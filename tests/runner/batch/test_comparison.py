@@ -12,6 +12,7 @@ import pytest
 
 from runner.batch.batch import BatchComparison, EarlierRun, counterparts_of, identity
 from runner.batch.jobs import Job, Outcome
+from runner.batch.outputs.terminal import OutcomeTable
 from tests.commands import Command
 from tests.runner.files import place, scenario
 
@@ -92,7 +93,7 @@ def test_what_is_fixed_is_named(command: Command, tmp_path: Path) -> None:
         "new-failure",
     )
     assert answer.code == 0
-    assert summary(answer.out)[0] == "since bad: 0 new, 2 fixed, 0 still failing"
+    assert summary(answer.out)[0] == "since bad (none, now adas): 0 new, 2 fixed, 0 still failing"
 
 
 @pytest.mark.parametrize(
@@ -169,6 +170,21 @@ def test_a_failure_after_an_error_is_new() -> None:
     earlier.add(failed)
     earlier.add(broken)
     assert (earlier.new, earlier.still) == ([failed], [broken]) and not earlier.known(failed)
+
+
+@pytest.mark.parametrize(("now", "harder"), [(6.5, True), (4.04, False), (None, False)])
+def test_a_harder_impact_of_what_failed_before_is_named(
+    now: float | None, harder: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = Job("x", Path("/n/x"), Path("/n/x"))
+    before = {identity("/n/x", {}, None): EarlierRun("failed", "1", 4.0)}
+    earlier = BatchComparison("before", before, lambda job: "1")
+    earlier.add(Outcome(job, "failed", 1, impact=None if now is None else {"speed": now}))
+    OutcomeTable(verbose=False, quiet=False).compare(earlier, None)
+    first, line = capsys.readouterr().out.splitlines()
+    worse = " (1 with a harder impact)"
+    assert first == f"since before: 0 new, 0 fixed, 1 still failing{worse if harder else ''}"
+    assert ("(before: failed at 4.0 m/s, now 6.5 m/s)" in line) == harder
 
 
 def test_an_empty_name_is_wrong_usage(command: Command) -> None:
