@@ -197,8 +197,8 @@ def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
         return scenario.on(space)
     count = len(scenario.on(space).within(space).theta)
     what = (
-        f"{count} of its class are recorded, {LEAST} make a density: that of the "
-        "shipped units counts"
+        f"{count} of its class are recorded, {LEAST} of two recordings make a density: that of "
+        "the shipped units counts"
     )
     say(f"{NAME}: {scenario.path.name}: {what}", to=sys.stderr)
     return instead

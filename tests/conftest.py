@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import sys
 from collections.abc import Generator, Sequence
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from schemas.common.packages import SAFE_PATH
+from schemas.common.terminal import command_line
 from tests.commands import Answer, Command, main
 
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -89,6 +91,8 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
         monkeypatch.setenv(SAFE_PATH, os.environ.get(SAFE_PATH, ""))
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+        # On a busy machine lines about progress would come among those that tests compare.
+        monkeypatch.setattr(command_line, "_PATIENCE", math.inf)
         with pytest.raises(SystemExit) as end:
             main(name)()
         return Answer(int(end.value.code or 0), *capsys.readouterr())

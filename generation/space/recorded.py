@@ -242,12 +242,15 @@ class RecordedScenario(NamedTuple):
 
 
 def shipped_instead(scenario: RecordedScenario, space: Space, least: int) -> Recorded | None:
-    """Units that are shipped, where fewer than `least` of a catalogue's own are inside a space.
+    """Units that are shipped, where fewer than `least` of a catalogue's own are inside a space, or
+    all are of one recording.
 
     Returns:
         None where there are enough, or no units are like the scenario's class.
     """
-    if len(scenario.on(space).within(space).theta) >= least:
+    own = scenario.on(space).within(space)
+    # A density is tested on a recording that it was not fitted on.
+    if len(own.theta) >= least and len(np.unique(own.recordings)) > 1:
         return None
     try:
         return of_samples(of_recordings(None, kind_of(scenario.path)), space, simulated=True)

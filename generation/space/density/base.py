@@ -272,7 +272,10 @@ def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[IntArray, I
     _, numbers, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     count = min(most, len(sizes))
     if count < 2:
-        raise UsageError("cross-validation by recording needs two recordings at least")
+        raise UsageError(
+            "all that is recorded is of one recording, and a density is tested on another one: "
+            "give more recordings, or --density uniform, which needs none"
+        )
     fold_of, filled = np.empty(len(sizes), dtype=np.int64), np.zeros(count, dtype=np.int64)
     # Largest first: the greedy choice then comes close to equal folds.
     for group in np.argsort(-sizes, kind="stable"):

@@ -10,6 +10,7 @@ import signal
 import sys
 import textwrap
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -637,6 +638,30 @@ class _NoBar:
         return self
 
 
+_PATIENCE = 60.0
+"""Seconds between two lines about work in a log; a reader of it would take longer silence for a
+hang"""
+
+
+class _Lines:
+    """A line on standard error, which is no terminal, now and then."""
+
+    def __init__(self, doing: str, total: int) -> None:
+        self._doing, self._total, self._done = doing, total, 0.0
+        self._begun = self._told = time.monotonic()
+
+    def __call__(self, count: float) -> None:
+        self._done += count
+        now = time.monotonic()
+        if now - self._told >= _PATIENCE:
+            self._told = now
+            share, taken = f"{self._done:,.0f} of {self._total:,}", now - self._begun
+            say(f"{self._doing}: {share} after {taken:,.0f} s", to=sys.stderr)
+
+    def below(self, doing: str, total: int) -> _Lines:
+        return _Lines(doing, total)
+
+
 class _Bar:
     """A task of a `rich.progress.Progress`."""
 
@@ -655,12 +680,13 @@ class _Bar:
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
-    """Progress bar on standard error, if that is a terminal; yields the function that advances it.
+    """Progress bar on standard error, or a line a minute where that is no terminal; yields the
+    function that advances it.
 
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """
     if quiet or not sys.stderr.isatty():
-        yield _NoBar()
+        yield _NoBar() if quiet else _Lines(doing, total)
         return
     from rich.console import Console
     from rich.progress import (

@@ -14,10 +14,13 @@ from generation.space.logical.library import SCENARIOS, maneuver_scenarios
 from generation.space.logical.maneuvers import MANEUVERS
 from generation.space.logical.pairs import PAIRS
 from generation.space.recorded import (
+    Recorded,
+    RecordedScenario,
     kind_of,
     of_catalogue,
     of_recordings,
     of_samples,
+    shipped_instead,
     stated_instead,
 )
 from generation.space.space import Space
@@ -203,3 +206,13 @@ def test_limits_are_drawn_from_where_shipped_units_have_nothing_inside_them() ->
     assert instead.within(hard).theta.std(axis=0).min() > 0.0
     own = found._replace(simulated=False)
     assert stated_instead(own, hard, "mixture") is None, "the user names what is likely"
+
+
+def test_units_of_one_recording_make_no_density_that_could_be_tested() -> None:
+    scenario = Path(xosc.__file__).parent / "library" / "cut_in_highway.xosc"
+    space = Space.of(scenario)
+    theta = np.linspace(space.low, space.high, 40)
+    for recordings, enough in (["a"] * 40, False), (["a", "b"] * 20, True):
+        recorded = Recorded(theta, np.array(recordings))
+        found = shipped_instead(RecordedScenario(scenario, space.names, recorded), space, 30)
+        assert (found is None) == enough

@@ -45,4 +45,4 @@ def test_classes_with_few_recorded_units_are_searched_by_the_shipped_ones(
         "xosc-generate", out / "highway_cut_in", "--budget", "4", "--out", tmp_path / "found"
     )
     assert done.code <= 1, done.err
-    assert "2 of its class are recorded, 30 make a density" in done.err
+    assert "2 of its class are recorded, 30 of two recordings make a density" in done.err

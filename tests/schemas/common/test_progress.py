@@ -1,10 +1,11 @@
-"""Bars of finished items: on terminals only, and those of many items a second with their rate."""
+"""Bars of finished items on terminals, those of many items a second with their rate; lines in logs."""
 
 import io
 import sys
 
 import pytest
 
+from schemas.common.terminal import command_line
 from schemas.common.terminal.command_line import progress_bar
 
 
@@ -27,8 +28,26 @@ def _shown(monkeypatch: pytest.MonkeyPatch, stream: io.StringIO) -> str:
 
 def test_a_bar_below_shows_its_items_and_their_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = _shown(monkeypatch, Terminal())
-    assert "2/4" in shown and "3000/3000" in shown and shown.count("a second") == 1
+    assert "2/4" in shown and "3000/3000" in shown and "a second" in shown
+    runs = [line for line in shown.splitlines() if "runs" in line]
+    assert runs and not any("a second" in line for line in runs)
 
 
-def test_nothing_is_shown_to_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_short_work_has_no_line_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _shown(monkeypatch, io.StringIO()) == ""
+
+
+def test_a_log_has_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr(command_line.time, "monotonic", lambda: now)
+    with command_line.progress_bar("searching", 1500, quiet=False) as advance:
+        for second in range(0, 200, 10):
+            now = second
+            advance(20)
+    assert capsys.readouterr().err.splitlines() == [
+        "searching: 140 of 1,500 after 60 s",
+        "searching: 260 of 1,500 after 120 s",
+        "searching: 380 of 1,500 after 180 s",
+    ]
