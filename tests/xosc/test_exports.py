@@ -18,7 +18,7 @@ from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
 from xosc.exports import carla, esmini, standard
 from xosc.exports.concrete import concrete
-from xosc.exports.draft import Folder
+from xosc.exports.draft import ExportSettings, Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"
 
@@ -222,15 +222,27 @@ def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     ("road", "reason"),
     [("nowhere.xodr", "does not exist"), ("/dev/zero", "can't be taken along: this is not a reg")],
 )
-@pytest.mark.parametrize("target", ["1.1", "esmini", "carla"])
+@pytest.mark.parametrize("target", ["esmini", "carla"])
 def test_a_road_that_cannot_be_taken_along_is_named(
     road: str, reason: str, target: str, tmp_path: Path
 ) -> None:
     path = scenario(tmp_path, stories=BRAKES)
     path.write_text(path.read_text().replace("straight.xodr", road))
-    export = {"esmini": esmini.export, "carla": carla.export}.get(target, standard.export)
+    export = {"esmini": esmini.export, "carla": carla.export}[target]
     with pytest.raises(InvalidFile, match=rf"scenario\.xosc:\d+: LogicFile: .*{road} {reason}"):
         export(path, target, Folder(tmp_path / "out"))
+
+
+@pytest.mark.parametrize("target", ["1.0", "1.1"])
+def test_another_version_of_a_scenario_needs_no_road(target: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    path.write_text(path.read_text().replace("straight.xodr", "nowhere.xodr"))
+    (remark,) = standard.export(path, target, Folder(tmp_path / "out"))
+    assert remark.endswith("nowhere.xodr does not exist: it is named as before")
+    exported = xosc.load(tmp_path / "out" / path.name)
+    assert exported.root.find("RoadNetwork/LogicFile").get("filepath").endswith("nowhere.xodr")
+    with pytest.raises(InvalidFile, match="put it there"):
+        standard.export(path, target, Folder(tmp_path / "strict"), ExportSettings(strict=True))
 
 
 # carla --------------------------------------------------------------------------------------

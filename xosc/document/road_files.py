@@ -14,12 +14,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from schemas.checks.road_references import VARIABLE, asked_for, candidates, first
+from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.remarks import Remark
 from schemas.common.storage import above, in_any_case, search_path
 from xosc.document.node import Node
 
 RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
+
+
+class NoRoadNetwork(InvalidFile):
+    """The road network that a scenario names is nowhere."""
 
 
 class RoadFile(NamedTuple):
@@ -49,7 +54,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         folders: where else to look, before the folders in XOSC_ROAD_PATH.
 
     Raises:
-        InvalidFile: it is nowhere; the message says what can be done.
+        NoRoadNetwork: it is nowhere; the message says what can be done.
+        InvalidFile: it is outside of what may be read.
     """
     named = logic.file("filepath")
     if not current().allows(named):
@@ -75,11 +81,11 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         spelt = map(in_any_case, candidates(search_path(folders, VARIABLE), named.name))
         found = next((file for file in spelt if file and os.path.isfile(file)), None)
     if found is None:
-        raise logic.invalid(
+        raise NoRoadNetwork(
             f"the road network {named} does not exist: put it there, name its folder with "
-            f"--road-path (or in {VARIABLE}), "
-            "or have one made by --road auto"
-        )
+            f"--road-path (or in {VARIABLE}), or have one made by --road auto",
+            path=logic.path, line=logic.line, element=logic.tag,
+        )  # fmt: skip
     return RoadFile(
         found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken")
     )

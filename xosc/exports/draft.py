@@ -144,6 +144,7 @@ class ExportSettings:
     Args:
         strict: refuse what is otherwise repaired, changed or left out with a remark.
         roads: where road networks are.
+        needs_road: refuse a scenario whose road network is nowhere.
         locate: puts scenarios on their roads; None leaves out the changes that need it.
         catalog_path: folders in which directories of catalogues are looked for that are not where
             the scenario says.
@@ -155,6 +156,7 @@ class ExportSettings:
 
     strict: bool = False
     roads: Roads = field(default_factory=roads_in)
+    needs_road: bool = True
     locate: Locate | None = None
     catalog_path: Folders = ()
     selection: Selection = field(default_factory=Selection)

@@ -9,12 +9,14 @@ has no distributions.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.fates import changed, kept, lost
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
+from xosc.document.road_files import NoRoadNetwork
 from xosc.exports import DOCUMENT_FIELDS
 from xosc.exports.concrete import concrete, concrete_scenarios, copied, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
@@ -76,6 +78,8 @@ def export(
     """
     major, minor = target.split(".")
     version = (int(major), int(minor))
+    # Nothing of a version is decided by the road; only who plays the file needs it.
+    settings = replace(settings, needs_road=False)
     document = load(source, strict=settings.strict)
     if document.kind == "distribution":
         return distribution(document, version, Draft(folder, settings))
@@ -117,7 +121,13 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     changed = copied(document)
     draft.note(*document.remarks)
     take_catalogs(changed, draft, lambda catalog: to_bytes(_catalog(catalog, version, draft)))
-    take_roads(changed, draft)
+    try:
+        take_roads(changed, draft)
+    except NoRoadNetwork as missing:
+        if draft.settings.needs_road or draft.settings.strict:
+            raise
+        rest, _, _ = str(missing).partition(": put it there")
+        draft.note(f"{rest}: it is named as before")
     named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
     draft.add(named, to_bytes(in_version(changed, version or changed.version, draft)))
 
