@@ -39,8 +39,8 @@ _EPILOG = exit_codes(
     "all files are accepted (no error; with --strict no warning either)", "some are not"
 )
 
-_TRIAGED = ("text", "json", "html")
-"""Formats of --triage"""
+_CHECKED, _TRIAGED = ("text", "json", "junit", "xqar", "sarif"), ("text", "json", "html")
+"""Formats without --triage, and with it"""
 
 _PIPE, _HEAD = "-", 4096
 """Name of standard input, and the bytes of a file that show its standard"""
@@ -116,7 +116,8 @@ def xosc_check(
     # A missing file has exit code 3, as in all commands; it is listed as a problem, too.
     missing = any(not os.path.lexists(path) for path in files if path not in piped)
     if triage != (format in _TRIAGED) and format not in ("text", "json"):
-        raise UsageError(f"--format {format} is {'not ' * triage}of --triage")
+        which = ", ".join(_TRIAGED if triage else _CHECKED)
+        raise UsageError(f"{'with' if triage else 'without'} --triage, --format is one of {which}")
     if triage:
         some = _triaged(files, catalog_path or (), road_path or (), format, output, quiet)
         raise typer.Exit(

@@ -166,7 +166,11 @@ def plain(answer: object) -> Control | Pose:
         raise TypeError(
             f"control() returned {answer!r}, a runner.systems.Control or Pose is expected"
         )
-    if not is_finite(answer):
+    try:
+        finite = is_finite(answer)
+    except TypeError:
+        raise TypeError(f"control() returned {answer}, numbers are expected") from None
+    if not finite:
         raise ValueError(f"control() returned {answer}, finite numbers are expected")
     if not isinstance(answer.reason, str):
         raise TypeError(f"control() returned {answer}, a text is expected as reason")

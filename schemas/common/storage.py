@@ -106,16 +106,21 @@ LONGEST_POINTER = 1024
 
 
 def _alike(path: Path) -> str:
-    """Question for the most similar name of a scenario or road beside a missing
-    one; empty without one.
+    """Question for the most similar name of a scenario or road beside a missing one, or of a
+    folder where that has no ending; empty without one.
     """
     # Strangers learn no names of files; files that commands write are missing often, and asked for.
     endings = (".xosc", ".xodr")
-    if current().untrusted or not most_similar(path.suffix, endings):
+    folders = not path.suffix
+    if current().untrusted or not (folders or most_similar(path.suffix, endings)):
         return ""
     kinds = (path.suffix,) if path.suffix in endings else endings
     try:
-        files = (other for other in path.parent.iterdir() if other.suffix in kinds)
+        files = (
+            other
+            for other in path.parent.iterdir()
+            if other.suffix in kinds or (folders and other.is_dir())
+        )
         beside = {other.stem: other.name for other in files if other.exists()}
     except OSError:
         return ""

@@ -119,4 +119,7 @@ def test_a_format_that_does_not_fit_is_refused(
     command: Command, folder: Path, call: list[str]
 ) -> None:
     answer = command("xosc-check", *call, folder)
-    assert (answer.code, answer.out) == (2, "") and "of --triage" in answer.err
+    assert (answer.code, answer.out) == (
+        2,
+        "",
+    ) and "--triage, --format is one of text, json, " in answer.err

@@ -90,6 +90,9 @@ def test_a_missing_file_is_told_with_the_most_similar_beside_it(tmp_path: Path) 
     with pytest.raises(InvalidFile) as caught:
         read_bytes(tmp_path / "NCAP_CCRs_2023.xsoc")
     assert str(caught.value).endswith(": no such file; did you mean 'NCAP_CCRs_2023.xosc'?")
+    (tmp_path / "corpora").mkdir()
+    with pytest.raises(InvalidFile, match=r"no such file; did you mean 'corpora'\?"):
+        read_bytes(tmp_path / "corporas")
     with pytest.raises(InvalidFile, match=r"no such file$"):
         read_bytes(tmp_path / "absent" / "other.xosc")
     with in_force(CommandPolicy(untrusted=True)), pytest.raises(InvalidFile) as caught:
