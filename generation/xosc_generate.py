@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 NAME = "xosc-generate"
 _LISTED = 3
 """Files that are named on the screen"""
-_EXAMPLES = ("xosc-generate xosc/library/cut_in_highway.xosc --budget 60 --out edge_cases",)
+_EXAMPLES = ("xosc-generate cut_in_highway --budget 60 --out edge_cases",)
 _EPILOG = exit_codes(
     "edge cases are written",
     "there is none (with --against: 0 no failure is new, 1 one is)",

@@ -31,6 +31,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.files import named_road
 from schemas.common.terminal.options import (
     READ,
     WRITTEN,
@@ -78,13 +79,15 @@ class RecordingOptions:
     """Road and columns of recordings: options of all commands that read them.
 
     Attributes:
-        road: the OpenDRIVE file of all recordings; None for what they have.
+        road: the OpenDRIVE file of all recordings, or the name of a shipped one; None for what they
+            have.
         columns: declaration of the columns of tables; None for those beside them.
     """
 
     road: Path | None = option(
         None,
-        "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]",
+        "OpenDRIVE file of all recordings, or name of a shipped road.  [default: what each has, "
+        "names, or has beside it]",
         metavar="FILE",
     )
     columns: Path | None = option(
@@ -93,6 +96,11 @@ class RecordingOptions:
         "columns.toml beside each]",
         metavar="FILE",
     )
+
+    @property
+    def network(self) -> Path | None:
+        """The OpenDRIVE file, a shipped one by its name."""
+        return None if self.road is None else named_road(self.road)
 
 
 @dataclass(frozen=True)
@@ -175,7 +183,7 @@ def catalogue(
     from runner.batch.pool import Workers
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
-    settings = CatalogueSettings(scenes, given.road, given.columns, rules, config=config)
+    settings = CatalogueSettings(scenes, given.network, given.columns, rules, config=config)
     made, note = _recogniser(sorting, discover, keep_model is not None)
     if discover and made is ByRules:
         raise UsageError("--discover is for a model that labels; rules discover nothing")
@@ -238,7 +246,7 @@ def replay(
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
     made = write_replay(
-        path, out, ego=ego, road=given.road, columns=given.columns, version=form.version, raw=raw
+        path, out, ego=ego, road=given.network, columns=given.columns, version=form.version, raw=raw
     )
     if not quiet:
         for remark in made.remarks if verbose else alike(made.remarks):
@@ -420,7 +428,7 @@ def inspect(
 
     forget()
     code = 0
-    for source in opened(tuple(paths), given.road, given.columns):
+    for source in opened(tuple(paths), given.network, given.columns):
         found = inspected(source)
         code = 3 if found.verdict == REFUSED else code
         if as_json:
@@ -473,7 +481,7 @@ def find(
     from runner.batch.pool import Workers
 
     settings = CatalogueSettings(
-        road=given.road, columns=given.columns, rules=Rules(signalised=signalised)
+        road=given.network, columns=given.columns, rules=Rules(signalised=signalised)
     )
     found = findings.find(
         paths, out, settings, partial(progress_bar, quiet=quiet), Workers(jobs, ray)

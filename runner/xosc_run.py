@@ -30,15 +30,16 @@ from schemas.common.terminal.options import READ, with_settings
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
+    from runner.batch.arrays import Together
     from runner.batch.batch import Also, BatchComparison
     from runner.batch.jobs import Job, Jobs, Outcome
     from runner.batch.outputs.terminal import OutcomeTable
     from runner.batch.outputs.work import WorkDone
 
 _EXAMPLES = (
-    "xosc-run xosc/library/simple_cut_in.xosc",
-    "xosc-run --sut adas xosc/library --jobs 4 --out results --replay",
-    'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
+    "xosc-run simple_cut_in",
+    "xosc-run --sut adas 'cut_in_*' --jobs 4 --out results --replay",
+    'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" simple_cut_in',
 )
 _EPILOG = exit_codes(
     "passed",
@@ -108,8 +109,11 @@ def xosc_run(
                 "sets are played in arrays, kinematically: passed means so there; "
                 "failures and nearest misses are run on SUMO"
             )
-        outcomes = _counted(_outcomes(chosen, settings, batch, also, table, in_arrays), work)
+        outcomes, together = _outcomes(chosen, settings, batch, also, table, in_arrays)
+        outcomes = _counted(outcomes, work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
+        if together is not None and together.contradicted:
+            code = gravest([code, ExitCode.INTERNAL])
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
         if batch.dry_run and table.shown > 1:
@@ -138,15 +142,15 @@ def _outcomes(
     also: Sequence[Also],
     table: OutcomeTable,
     in_arrays: bool,
-) -> Generator[Outcome]:
-    """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave
-    out."""
+) -> tuple[Generator[Outcome], Together | None]:
+    """Return the outcomes of jobs, which are run, or only rehearsed, and what plays them in arrays,
+    which tells what it leaves out."""
     from runner.batch.batch import run_batch
 
     if batch.dry_run:
         from runner.view.rehearsal import rehearse_batch
 
-        return rehearse_batch(chosen, settings, batch.jobs, table.working)
+        return rehearse_batch(chosen, settings, batch.jobs, table.working), None
     together = None
     if in_arrays:
         from runner.batch.arrays import Together
@@ -164,7 +168,7 @@ def _outcomes(
         contacts=not batch.quiet,  # a quiet table does not name the worst ones
         ray=batch.ray,
     )
-    return outcomes if together is None else together.checked(outcomes)
+    return (outcomes if together is None else together.checked(outcomes)), together
 
 
 def _tell_results(

@@ -483,10 +483,12 @@ def _searched(found: Searched) -> str:
         if found.failed_runs
         else ""
     )
+    near = sum(case.verdict == CaseVerdict.VIOLATION for case in found.cases)
     return (
         f"{found.title}: {many(found.calls, 'run')}{failed}, "
         f"{many(found.collisions, 'collision')}, {found.distinct} of them "
-        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written; "
+        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written"
+        f"{f' ({near} without a collision, nearer than RSS allows)' if near else ''}; "
         f"density of {prior(found.prior)}"
     )
 

@@ -67,7 +67,8 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
             return source.road(recording, folder)
     what = (
         f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map "
-        f"{source.site}.osm; --road FILE names one"
+        f"{source.site}.osm; --road names one, and xosc-recognize replay needs none where traffic "
+        "goes straight along x"
     )
     raise UsageError(what, path=source.path)
 

@@ -39,6 +39,7 @@ from runner.systems.drivers import ArraySystemDriver, find_ego
 from schemas.common.array_types import IntArray
 from schemas.common.errors import ToolchainError, Unsupported
 from schemas.common.policy import current
+from schemas.common.terminal.text import many
 from schemas.expressions.columns import Columns, NotInArrays, NumberColumn, reading
 from schemas.expressions.values import type_named
 
@@ -56,6 +57,8 @@ SETS = "sets.parquet"
 """Table of the sets that were played in arrays, in the folder of a batch"""
 NEAREST = 10
 """Runs without a failure that come nearest to one, and that are recorded"""
+_TOLD = 5
+"""Sets that are named of those that end otherwise in arrays than one by one"""
 _MOST_STRUCTURES = 32
 """Structures that are compiled for the sets of a scenario; sets beyond are played one by one"""
 _TEXTS = ("outcome", "status", "partner")
@@ -274,8 +277,9 @@ class Together:
     interpreter.
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
-    disagreement, a defect of ours. The nearest misses are played by the interpreter as well, so
-    that there are recordings of them.
+    disagreement. The nearest misses are played by the interpreter as well, so that there are
+    recordings of them. What both have played kinematically must end alike: else a defect of ours,
+    or a system whose `control_batch` decides otherwise than its `control`, is told.
 
     Args:
         jobs: of the batch.
@@ -297,11 +301,13 @@ class Together:
         self._processes = processes
         self._single: set[Path] = set()
         """scenarios that do not play in arrays"""
-        self._failed: set[str] = set()
+        self._failed = 0
+        self._left: dict[str, _Played] = {}
+        """what arrays made of sets that the interpreter is yet to play"""
         self._near: list[tuple[float, int, Outcome]] = []
         """nearest misses, the farthest first: minus its distance (m)"""
         self._writer: Any = None
-        self._passed = self.disagreements = 0
+        self._passed = self._apart = self._disagreements = 0
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         try:
@@ -309,25 +315,54 @@ class Together:
             while group := [*islice(chunks, self._processes)]:
                 yield from self._settle(group)
             # The nearest misses of all are known at the end only: as jobs they are recorded.
-            yield from (outcome.job for _, _, outcome in sorted(self._near, key=lambda e: e[1]))
+            for _, _, near in sorted(self._near, key=lambda e: e[1]):
+                assert near.end_time is not None
+                self._left[near.job.name] = _Played(PASSED, near.status, near.end_time)
+                yield near.job
         finally:
             if self._writer is not None:
                 self._writer.close()
 
+    @property
+    def contradicted(self) -> bool:
+        """Whether runs contradict what arrays made of the same sets: then passes in arrays count
+        for nothing."""
+        return self._apart + self._disagreements > 0
+
     def checked(self, outcomes: Iterable[Outcome]) -> Generator[Outcome]:
         """The outcomes of the batch; those that contradict the arrays are told."""
         for outcome in outcomes:
-            if outcome.job.name in self._failed and outcome.state != "failed":
-                self.disagreements += 1
-                self._tell(f"{outcome.job.name}: failed in arrays, {outcome.state} one by one")
+            played = self._left.pop(outcome.job.name, None)
+            if played is not None:
+                self._compare(outcome, played)
             yield outcome
+        if self._apart:
+            self._tell(
+                f"{many(self._apart, 'set')} ended otherwise in arrays than one by one: "
+                "control_batch decides otherwise than control, or it is a defect of ours"
+            )
         if not self._passed and not self._failed:
             self._tell("no set was played to a verdict in arrays")
             return
-        told = (
-            f"{self._passed} sets passed in arrays, kinematically, {len(self._failed)} failed there"
-        )
-        self._tell(f"{told}, of which {self.disagreements} did not fail one by one")
+        told = f"{self._passed} sets passed in arrays, kinematically, {self._failed} failed there"
+        self._tell(f"{told}, of which {self._disagreements} did not fail one by one")
+
+    def _compare(self, outcome: Outcome, played: _Played) -> None:
+        name = outcome.job.name
+        if played.state == FAILED and outcome.state != "failed":
+            self._disagreements += 1
+            self._tell(f"{name}: failed in arrays, {outcome.state} one by one")
+            return
+        if self._settings.world != "kinematic" or outcome.end_time is None:
+            return  # SUMO's others may do otherwise, and an error ends a run anywhere
+        late = abs(outcome.end_time - played.end_time) > self._settings.timestep / 2.0
+        if late or outcome.status != played.status:
+            self._apart += 1
+            if self._apart <= _TOLD:
+                self._tell(
+                    f"{name}: {played.status} at {played.end_time:.2f} s in arrays, "
+                    f"{outcome.status} at {outcome.end_time:.2f} s one by one"
+                )
 
     def _size(self) -> int:
         """Jobs that are settled at a time, in each process."""
@@ -375,8 +410,8 @@ class Together:
             if state == PASSED:
                 yield from self._pass(job, row)
                 continue
-            if state == FAILED:
-                self._failed.add(job.name)
+            self._failed += state == FAILED
+            self._left[job.name] = _Played(state, row["status"], row["end_time"])
             yield job
         self._write(rows)
 
@@ -411,6 +446,14 @@ class Together:
             self._out.mkdir(parents=True, exist_ok=True)
             self._writer = pq.ParquetWriter(self._out / SETS, schema)
         self._writer.write_table(pa.Table.from_pylist(rows, schema))
+
+
+class _Played(NamedTuple):
+    """Outcome, status and end (s) of a set in arrays."""
+
+    state: str
+    status: str
+    end_time: float
 
 
 class _Answer(NamedTuple):

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from runner.exchange.exports.exporting import Exported
 
 _EXAMPLES = (
-    "xosc-export xosc/library/simple_cut_in.xosc --to carla --out for_carla",
+    "xosc-export simple_cut_in --to carla --out for_carla",
     "xosc-export --targets",
 )
 _EPILOG = exit_codes("all exported", "", "an exported run did not test what its file describes") + (

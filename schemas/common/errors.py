@@ -318,7 +318,7 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [name for name in names if name]
     return similar(name, names) or (
-        f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}"
+        f"there are: {', '.join(names[:60])}{', …' if len(names) > 60 else ''}"
         if names
         else "there are none"
     )

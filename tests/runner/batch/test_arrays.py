@@ -20,6 +20,7 @@ from runner.batch.jobs import Outcome, jobs_of
 from runner.batch.options import BatchOptions
 from runner.batch.outputs.terminal import OutcomeTable
 from runner.judging.settings import RunSettings
+from tests.commands import Command
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CONFORMANCE = Path(__file__).parents[2] / "conformance" / "scenarios"
@@ -259,6 +260,24 @@ def test_verdicts_of_arrays_say_kinematically_where_the_world_is_another_one(
     assert total == f"{count} runs: {count} passed{note}"
 
 
+SLOWER = """\
+from runner.systems import Control
+from runner.systems.arrays import BatchControl
+
+class Alike:
+    share = 0.9
+    def reset(self, ego, timestep, seed):
+        pass
+    def control(self, observation, dt):
+        return Control((0.9 * observation.target_speed - observation.ego.speed) / dt)
+    def control_batch(self, observations, dt):
+        return BatchControl((self.share * observations.target_speed - observations.ego.speed) / dt)
+
+class Other(Alike):
+    share = 0.8
+"""
+
+
 def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> None:
     variation = tmp_path / "gaps.xosc"
     variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
@@ -268,7 +287,26 @@ def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> 
     passed = Outcome(failed[0], "passed", 0)
     assert list(together.checked([passed])) == [passed]
     assert "failed in arrays, passed one by one" in told[0]
-    assert together.disagreements == 1
+    assert together.contradicted
+
+
+def test_a_system_that_decides_otherwise_in_arrays_is_told(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "slower.py").write_text(SLOWER, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    call = ("xosc-run", "simple_cut_in_variation", "--only", "2,3", "--batch", "--world")
+    answers = {
+        name: command(*call, "kinematic", "--sut", f"slower.py:{name}", "--out", tmp_path / name)
+        for name in ("Alike", "Other")
+    }
+    assert answers["Alike"].code == 0 and "otherwise" not in answers["Alike"].out
+    assert answers["Other"].code == 5
+    assert "2 sets ended otherwise in arrays than one by one" in answers["Other"].out
+    assert re.search(
+        r"~000002: timeout at \S+ s in arrays, completed at \S+ s one by one",
+        answers["Other"].out,
+    )
 
 
 def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path) -> None:
