@@ -302,7 +302,7 @@ class Together:
         self._single: set[Path] = set()
         """scenarios that do not play in arrays"""
         self._failed = 0
-        self._left: dict[str, _Played] = {}
+        self._left: dict[str, _EndInArrays] = {}
         """what arrays made of sets that the interpreter is yet to play"""
         self._near: list[tuple[float, int, Outcome]] = []
         """nearest misses, the farthest first: minus its distance (m)"""
@@ -317,7 +317,7 @@ class Together:
             # The nearest misses of all are known at the end only: as jobs they are recorded.
             for _, _, near in sorted(self._near, key=lambda e: e[1]):
                 assert near.end_time is not None
-                self._left[near.job.name] = _Played(PASSED, near.status, near.end_time)
+                self._left[near.job.name] = _EndInArrays(PASSED, near.status, near.end_time)
                 yield near.job
         finally:
             if self._writer is not None:
@@ -347,7 +347,7 @@ class Together:
         told = f"{self._passed} sets passed in arrays, kinematically, {self._failed} failed there"
         self._tell(f"{told}, of which {self._disagreements} did not fail one by one")
 
-    def _compare(self, outcome: Outcome, played: _Played) -> None:
+    def _compare(self, outcome: Outcome, played: _EndInArrays) -> None:
         name = outcome.job.name
         if played.state == FAILED and outcome.state != "failed":
             self._disagreements += 1
@@ -411,7 +411,7 @@ class Together:
                 yield from self._pass(job, row)
                 continue
             self._failed += state == FAILED
-            self._left[job.name] = _Played(state, row["status"], row["end_time"])
+            self._left[job.name] = _EndInArrays(state, row["status"], row["end_time"])
             yield job
         self._write(rows)
 
@@ -448,7 +448,7 @@ class Together:
         self._writer.write_table(pa.Table.from_pylist(rows, schema))
 
 
-class _Played(NamedTuple):
+class _EndInArrays(NamedTuple):
     """Outcome, status and end (s) of a set in arrays."""
 
     state: str
