@@ -643,7 +643,7 @@ _PATIENCE = 60.0
 hang"""
 
 
-class _Lines:
+class _LogLines:
     """A line on standard error, which is no terminal, now and then."""
 
     def __init__(self, doing: str, total: int) -> None:
@@ -658,8 +658,8 @@ class _Lines:
             share, taken = f"{self._done:,.0f} of {self._total:,}", now - self._begun
             say(f"{self._doing}: {share} after {taken:,.0f} s", to=sys.stderr)
 
-    def below(self, doing: str, total: int) -> _Lines:
-        return _Lines(doing, total)
+    def below(self, doing: str, total: int) -> _LogLines:
+        return _LogLines(doing, total)
 
 
 class _Bar:
@@ -686,7 +686,7 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """
     if quiet or not sys.stderr.isatty():
-        yield _NoBar() if quiet else _Lines(doing, total)
+        yield _NoBar() if quiet else _LogLines(doing, total)
         return
     from rich.console import Console
     from rich.progress import (
