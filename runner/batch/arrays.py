@@ -278,8 +278,8 @@ class Together:
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
     disagreement. The nearest misses are played by the interpreter as well, so that there are
-    recordings of them. What both have played kinematically must end alike: else a defect of ours,
-    or a system whose `control_batch` decides otherwise than its `control`, is told.
+    recordings of them. What both have played kinematically must end alike: else there is a defect
+    of ours, or a system whose `control_batch` decides otherwise than its `control`.
 
     Args:
         jobs: of the batch.
