@@ -144,7 +144,6 @@ class ExportSettings:
     Args:
         strict: refuse what is otherwise repaired, changed or left out with a remark.
         roads: where road networks are.
-        needs_road: refuse a scenario whose road network is nowhere.
         locate: puts scenarios on their roads; None leaves out the changes that need it.
         catalog_path: folders in which directories of catalogues are looked for that are not where
             the scenario says.
@@ -152,15 +151,16 @@ class ExportSettings:
             scenario is written for each.
         enforce_constraints: refuse worked-out values that violate their constraint groups, and
             leave such sets of a distribution out.
+        needs_road: refuse a scenario whose road network is nowhere.
     """
 
     strict: bool = False
     roads: Roads = field(default_factory=roads_in)
-    needs_road: bool = True
     locate: Locate | None = None
     catalog_path: Folders = ()
     selection: Selection = field(default_factory=Selection)
     enforce_constraints: bool = True
+    needs_road: bool = True
 
     @property
     def resolving(self) -> Resolving:
