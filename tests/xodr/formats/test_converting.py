@@ -857,6 +857,11 @@ def commonroad(height: str) -> str:
             net("").replace('netOffset="0,0', 'netOffset="a,b'),
             "netOffset='a,b' is no point",
         ),
+        (
+            "a.net.xml",
+            net("").replace('netOffset="0,0', 'netOffset="1e300,0'),
+            "the map's offset has numbers beyond 1e\\+08",
+        ),
         ("a.xml", commonroad("<z>high</z>"), "a.xml:1: z: 'high' is no measured value"),
         ("a.xml", commonroad("").replace("<x>9", "<x>q"), "x: 'q' is no measured value"),
         (
@@ -932,6 +937,32 @@ def test_faults_with_one_mend_are_mended_by_name(tmp_path: Path) -> None:
     assert made.remarks and "header" in made.remarks[0]
     (tmp_path / "mended.xodr").write_bytes(made.content)
     xodr.load(tmp_path / "mended.xodr", strict=True)
+
+
+@pytest.mark.parametrize(("apart", "linked"), [(0.9, True), (1.1, False)])
+def test_lanes_whose_ends_lie_apart_are_linked_up_to_a_metre(
+    apart: float, linked: bool, tmp_path: Path
+) -> None:
+    """Ways through SUMO's junctions do not end across the lanes that they lead into."""
+    made = maps.read_map(LIBRARY / "roundabout.xodr")
+    lane = next(lane for lane in made.lanes.values() if len(lane.successors) == 1)
+    lane.right[-1, 0] += apart
+    content, notes = lanelet2_lanes.write(made)
+    (tmp_path / "map.osm").write_bytes(content)
+    lost = compare(made, maps.read_map(tmp_path / "map.osm")).connections_lost
+    assert lost == ([] if linked else [(lane.id, lane.successors[0])])
+    assert any("their lanes end more than 1 m apart" in note for note in notes) is not linked
+
+
+def test_a_network_of_places_that_are_no_numbers_is_not_driven(
+    tmp_path: Path, command: Command
+) -> None:
+    """SUMO goes by the lengths of its lanes, and drives on it."""
+    net = maps.convert(LIBRARY / "intersection_four_way.xodr", tmp_path / "map.net.xml").path
+    text = net.read_text(encoding="utf-8")
+    net.write_text(re.sub('shape="[^,]*,', 'shape="nan,', text), encoding="utf-8")
+    answer = command("xosc-road", "drive", net)
+    assert answer.code == 3 and "is no point" in answer.err and answer.err.count("\n") == 1
 
 
 def test_each_connection_is_driven_and_a_broken_one_is_named(tmp_path: Path) -> None:

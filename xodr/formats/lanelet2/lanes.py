@@ -44,7 +44,7 @@ _NEAR = 0.02
 """Points nearer to each other than this (m) are one node."""
 _DECIMALS = 4
 """Decimals of local coordinates"""
-_GAP = 0.5
+_GAP = 1.0
 """Ends of linked lanes further apart than this (m) are not joined."""
 _NOWHERE = ("+proj=utm +zone=31 +datum=WGS84 +units=m +no_defs", (166021.4431793306, 0.0, 0.0, 0.0))
 """Projection of maps without one, with its offset: about latitude 0, longitude 0."""

@@ -268,8 +268,13 @@ def _check_size(made: LaneMap, path: Path) -> None:
     """Refuse lanes that are none on Earth: places along them fill the memory.
 
     Raises:
-        InvalidFile: a border has no finite place or lies too far off, or lanes are too long.
+        InvalidFile: a border or the offset has no finite place or lies too far off, or lanes are
+            too long.
     """
+    if not np.abs(made.offset).max() <= _FARTHEST:  # NaN as well
+        raise InvalidFile(
+            f"the map's offset has numbers beyond {_FARTHEST:g}, or no numbers", path=path
+        )
     total = 0.0
     for lane in made.lanes.values():
         for border in (lane.left, lane.right):

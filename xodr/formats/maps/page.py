@@ -119,7 +119,7 @@ body{--page:#fff;--text:#111;--muted:#333;--land:#fbfbf8;--line:#ccc;--link:#05a
 margin:0;font:13px system-ui,sans-serif;display:flex;height:100vh;
 background:var(--page);color:var(--text);color-scheme:light dark}
 canvas{flex:1;min-width:0;min-height:0;background:var(--land);cursor:grab;touch-action:none}
-aside{width:300px;overflow:auto;padding:10px;border-left:1px solid var(--line);
+aside{width:clamp(300px,28vw,385px);overflow:auto;padding:10px;border-left:1px solid var(--line);
 box-sizing:border-box;overflow-wrap:anywhere}
 a{color:var(--link)}button{min-width:34px;min-height:34px}
 @media (max-width:700px){body{flex-direction:column}
@@ -130,7 +130,7 @@ i{display:inline-block;width:12px;height:12px;border:1px solid #999;margin:0 4px
 vertical-align:middle}
 h1{font-size:16px;margin:0 0 6px}ul{padding-left:16px}label{display:block}
 #told{min-height:3em;color:var(--muted)}
-#about p{white-space:pre-wrap;margin:4px 0;font:12px ui-monospace,monospace}
+#about p{white-space:pre-wrap;margin:4px 0;font:11px ui-monospace,monospace}
 </style><canvas id="map"></canvas><aside><h1>@TITLE@</h1><div>@LEGEND@</div>
 <label><input type="checkbox" id="arrows" checked> directions</label>
 <label><input type="checkbox" id="links"> connections</label>

@@ -414,9 +414,11 @@ def repair_command(
 @protected("max_runs")
 def drive_command(path: Source, as_json: Json = False, _verbose: Verbose = False) -> None:
     """Drive over each connection of a map with SUMO, a vehicle each, and print those that fail."""
-    from xodr.formats.maps.files import convert, drive_connections, format_of
+    from xodr.formats.maps.files import convert, drive_connections, format_of, read_map
 
     if format_of(path) == "sumo":
+        # SUMO drives on lanes whose places are no numbers, by their lengths.
+        read_map(path)
         drives = drive_connections(path)
     else:
         with scratch("xosc-road-") as folder:
