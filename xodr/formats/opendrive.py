@@ -22,9 +22,9 @@ from schemas.common.array_types import FloatArray
 from xodr.builders.elements import Geo, LaneDesign, RoadDesign
 from xodr.formats.lanelet2 import Built, Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.conversion import with_crosswalks
-from xodr.formats.lanelet2.lanelet import joined, parts_of, places
+from xodr.formats.lanelet2.lanelet import headings, joined, parts_of, places, winds
 from xodr.formats.lanelet2.reader import Crosswalk
-from xodr.formats.maps.lane_map import LaneMap, MapLane, at_lengths, heights_on, resampled
+from xodr.formats.maps.lane_map import LaneMap, MapLane, at_lengths, gone, heights_on, resampled
 from xodr.model import RoadObject, Signal, SignalReference
 from xodr.model.geometry import Cubic, Profile
 
@@ -56,6 +56,9 @@ which it is improved, and distance (m) from the ends of a road that is named."""
 _PAINT, _RADIUS, _CANDIDATES = 0.3, 0.1, 24
 """Width (m) of stop lines and radius (m) of poles, which a map does not say; stations among which
 the road beside a pole is looked up."""
+_WHOLE, _TINY = 1.4, 1e-18
+"""Length of borders, in lengths of their road, up to which they are its own, and least square of a
+length (m²)."""
 _LEVEL = 1e-3
 """Heights (m) of a map that count as none."""
 
@@ -172,7 +175,29 @@ class _LaneBorders:
         poses = self._road.poses_at(stations.tolist())
         points = [pose.shifted(aside)[:2] for pose, aside in zip(poses, t.tolist(), strict=True)]
         lines = [(lane.left, lane.right)[side] for lane in self._members[number]]
-        return t, heights_on(np.array(points), lines)
+        return t, self._heights(stations, np.array(points), lines)
+
+    def _heights(
+        self, stations: FloatArray, points: FloatArray, lines: Sequence[FloatArray]
+    ) -> FloatArray:
+        """Heights (n,) of borders beside points (n, 2) at places s, on the same turn of a ramp."""
+        whole = np.vstack(lines)
+        # A part of a lane that was split does not tell which of the turns is its own.
+        if not winds(whole[:, :2]) or gone(whole)[-1] > _WHOLE * self._road.length:
+            return heights_on(points, lines)
+        even = np.linspace(0.0, self._road.length, places(self._road.length, 1.0))
+        way = np.interp(
+            stations, even, np.unwrap([pose.heading for pose in self._road.poses_at(even.tolist())])
+        )
+        turned = headings(whole[:, :2])
+        way += math.tau * round((turned[0] - way[0]) / math.tau)
+        starts, steps = whole[:-1], np.diff(whole, axis=0)
+        ahead = np.einsum("ijk,jk->ij", points[:, None] - starts[None, :, :2], steps[:, :2])
+        share = np.clip(ahead / np.maximum((steps[:, :2] ** 2).sum(axis=1), _TINY), 0.0, 1.0)
+        feet = starts + share[..., None] * steps
+        away = np.hypot(*(feet[..., :2] - points[:, None]).transpose(2, 0, 1))
+        away[np.abs(turned - way[:, None]) >= math.pi] = np.inf
+        return np.asarray(feet[np.arange(len(points)), away.argmin(axis=1), 2])
 
     def surface(self, stations: FloatArray) -> FloatArray:
         """Height (m) and roll (rad) of the road at places s, (2, n), by its outer borders without

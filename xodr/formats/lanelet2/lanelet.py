@@ -192,11 +192,14 @@ def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
 def headings(line: Points) -> FloatArray:
     """Directions of the stretches of a line, (n - 1,), rad, without jumps by a full turn.
 
-    Taken from points at equal distances: where surveyed pieces meet there are short stretches back.
+    Means over some metres of points at equal distances: where surveyed pieces meet, and on the
+    inner border of a sharp corner, short stretches lead back, whose directions tell no turns.
     """
     along = lengths(line)
     even = resampled(line, places(along[-1], 1.0))
-    steps = np.diff(even, axis=0)
+    single = np.diff(even, axis=0)
+    window = np.ones(min(int(REACH), len(single)) - 1 | 1)
+    steps = np.column_stack([np.convolve(part, window, "same") for part in single.T])
     turned = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = (np.arange(len(turned)) + 0.5) * along[-1] / len(turned)
     return np.asarray(np.interp(0.5 * (along[:-1] + along[1:]), middles, turned))

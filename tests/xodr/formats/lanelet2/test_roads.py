@@ -32,7 +32,7 @@ from tests.xodr.formats.lanelet2.lanelet_maps import (
 from xodr.formats import sumo_net
 from xodr.formats.lanelet2 import Conversion, Lanelet, LaneletNeighbour, build, convert
 from xodr.formats.lanelet2.conversion import deviation
-from xodr.formats.lanelet2.lanelet import CrossLine
+from xodr.formats.lanelet2.lanelet import CrossLine, headings, winds
 from xodr.formats.lanelet2.reader import read_lanelets
 from xodr.formats.lanelet2.shapes import BorderCrossing, Mouth, shape
 
@@ -497,3 +497,13 @@ def test_a_lane_whose_end_line_lies_along_it_does_not_run_back_to_its_corner() -
     ]
     road = shape([left, right], *mouths)
     assert road.length < 1.2 * math.hypot(30.0 - 7.0, -17.0 + 7.0)
+
+
+def test_a_step_back_at_a_corner_is_no_turn_about() -> None:
+    """As on the inner border of a sharp corner: the line was taken for one of three quarter turns
+    to the left, and the road lost its border behind the corner."""
+    corner = np.array([[0.0, 0.0], [20.0, 0.0], [17.5, 0.3], [17.5, -20.0]])
+    assert headings(corner)[-1] == pytest.approx(-math.pi / 2)
+    assert not winds(corner)
+    circle = np.array([[math.cos(a), math.sin(a)] for a in np.linspace(0.0, 9.0, 60)]) * 8.0
+    assert winds(circle) and np.ptp(headings(circle)) == pytest.approx(9.0, abs=0.6)
