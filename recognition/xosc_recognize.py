@@ -356,6 +356,8 @@ def _print_skipped(files: list[Path], quiet: bool) -> None:
 
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     """Print what was made; the exit code."""
+    from recognition.scenes import LIT
+
     if not quiet:
         unread = (
             f": {many(len(summary.failures), 'recording')} could not be read"
@@ -379,6 +381,8 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
             )
         for exclusion in summary.exclusions if verbose else []:
             say(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
+        if summary.unlit:
+            say(f"{LIT} ({many(summary.unlit, 'recording')})")
         if summary.removed:
             print(f"{len(summary.removed)} files of an earlier run were removed")
     for name in summary.colliding:

@@ -35,8 +35,9 @@ _EXAMPLES = (
     "xosc-check --format sarif --output check.sarif xosc/library",
     "xosc-check --triage --format html --output triage.html scenarios",
 )
-_EPILOG = exit_codes(
-    "all files are accepted (no error; with --strict no warning either)", "some are not"
+_EPILOG = (
+    exit_codes("all files are accepted (no error; with --strict no warning either)", "some are not")
+    + " Repaired files are written by xosc-export --to VERSION, roads by xosc-road repair."
 )
 
 _CHECKED, _TRIAGED = ("text", "json", "junit", "xqar", "sarif"), ("text", "json", "html")

@@ -39,7 +39,7 @@ from recognition.labels import LabelledEvent
 from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
 from recognition.recordings.intake import REPAIRED
-from recognition.scenes import Site
+from recognition.scenes import LIT, Site
 from runner.batch.pool import Workers, results
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
@@ -126,6 +126,7 @@ class Summary(NamedTuple):
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
     read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
     why. unplayable: scenarios that do not play, which are not part of the catalogue, and why.
+    unlit: recordings of junctions with traffic lights whose passages the rules do not count.
     """
 
     classes: Counter[str]
@@ -138,6 +139,7 @@ class Summary(NamedTuple):
     skipped: list[Path]
     repaired: dict[str, str]
     unplayable: dict[str, str]
+    unlit: int
 
 
 Selection = Mapping[str, frozenset[tuple[str, str]]]
@@ -357,6 +359,7 @@ class _CatalogueBuild:
             skipped,
             self._repaired,
             catalogue.unplayable,
+            0 if self._settings.rules.signalised else catalogue.remarked(LIT),
         )
 
     def _blocks(self, source: Source, labelled: LabelledRecording) -> Iterator[Block]:

@@ -73,6 +73,8 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
     raise UsageError(what, path=source.path)
 
 
+LIT = "turns, crossings and merging at junctions with traffic lights count with --signalised only"
+"""Remark on recordings of such junctions"""
 _LEAST_ON_ROAD = 1.0 / 3.0
 """Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of
 the real recordings."""
@@ -414,6 +416,8 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     site = site_at(road.path, network, lights, roads, _driven(recording))
     if source.report is not None:
         doubts = [f"no ramp and no lane change is labelled on {one}" for one in site.roles.doubts]
+        lit = any(entry.role is LaneRole.SIGNALISED for entry in site.roles.entries)
+        doubts += [LIT] if lit else []
         source.report.remarks += (one for one in doubts if one not in source.report.remarks)
     # A road that the recording brings along is of its place; any other one may not be.
     if brought is None:

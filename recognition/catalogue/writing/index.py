@@ -229,6 +229,10 @@ class Catalogue:
             {"recording": source.name, **exclusion._asdict()} for exclusion in exclusions
         )
 
+    def remarked(self, remark: str) -> int:
+        """Return the number of recordings that have a remark."""
+        return sum(remark in recording["remarks"] for recording in self._recordings)
+
     def take(self, written: PendingCatalog) -> None:
         """Take in what has been written of a recording."""
         self.rows += written.rows

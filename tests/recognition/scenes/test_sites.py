@@ -10,9 +10,10 @@ import pytest
 
 import recognition.recordings as datasets
 from recognition.recordings.road_sources import straight_road
-from recognition.scenes import LaneRole, site_of
+from recognition.scenes import LIT, LaneRole, site_of
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, UsageError
+from tests.commands import Command
 from tests.recognition.driving import STEP, ahead, sideways, track
 from tests.recognition.traffic import (
     Car,
@@ -24,6 +25,7 @@ from tests.recognition.traffic import (
 )
 from tests.xodr.formats.lanelet2.lanelet_maps import two_lanes
 from xodr import builders
+from xodr.reader import load
 
 
 def opened(path: Path, roads: Path) -> tuple:
@@ -49,6 +51,20 @@ def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
     assert place.path == path
     assert (tmp_path / "roads" / "ring.roles.json").is_file()
     assert not path.with_suffix(".roles.json").exists()
+
+
+@pytest.mark.parametrize("lights", [True, False])
+def test_junctions_with_lights_are_named_where_their_passages_do_not_count(
+    lights: bool, tmp_path: Path, command: Command
+) -> None:
+    folder = tmp_path / "crossing"
+    road = builders.four_way_intersection(signals=lights).write(folder / "crossing.xodr")
+    x, y, h = load(road).roads["1"].pose(10.0, -1.75)[:3]
+    rows = interaction_rows(1, x, y, 8.0 * math.cos(h), 8.0 * math.sin(h), h)
+    write_csv(folder / "vehicle_tracks_000.csv", rows)
+    call = ("xosc-recognize", folder, "--labels", "rules", "--out", tmp_path / "out")
+    assert (f"{LIT} (1 recording)" in command(*call).out) == lights
+    assert LIT not in command(*call, "--signalised").out
 
 
 def test_what_was_done_to_make_the_road_joins_the_report(tmp_path: Path) -> None:
