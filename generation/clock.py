@@ -18,6 +18,8 @@ and written in the rest
 _MINUTE, _PART = 60.0, 50
 _BLOCK = 1024
 """Points that drivers run between two looks at the clock"""
+RUN = _PART
+"""Points that a search runs between two looks at the clock"""
 PLAYED = 16_384
 """Points that a process plays in arrays between two looks at the clock"""
 _DRIVERS = 9

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.clock import PLAYED, SearchClock, TimedPlays, TimeOver
+from generation.clock import PLAYED, RUN, SearchClock, TimedPlays, TimeOver
 from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.estimation.estimate import (
     FAILURE,
@@ -135,6 +135,7 @@ class Generated:
             all `draws`; None where none were played in the space of the search.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
+        unestimated: whether its time was over before the estimate that was asked for.
         bound: result of the draws that were asked for by `settings.until`; None where they were
             not, or the search has not ended.
         density: name of the density of recorded parameters.
@@ -164,6 +165,7 @@ class Generated:
     draws: Episodes | None = None
     domain: Domain = EVERYWHERE
     cut: bool = False
+    unestimated: bool = False
     judged: JudgeCounts = NOT_JUDGED
     guidance: Guidance = field(default_factory=Guidance)
     bound: DrawnBound | None = None
@@ -426,17 +428,13 @@ class _Work:
         reward, space = asked.reward, asked.space
         sought, drawings = runs.episodes(reward), draws.episodes(reward)
         every = Episodes.joined([sought, drawings])
-        estimated = settings.estimate and ended and not cut
-        rate = (
-            _estimate(self._problem, asked.source, self._more, self._evaluator, every, settings)
-            if estimated
-            else None
-        )
+        rate = self._rate(every) if settings.estimate and ended and not cut else None
+        unestimated = settings.estimate and ended and rate is None
         estimates = self._more.episodes(reward)
-        bound = self._bound(every, cut) if ended else None
+        bound = self._bound(every, cut or unestimated) if ended else None
         against = self._refuting.episodes(reward)
         every = Episodes.joined([every, estimates, against])
-        cases, files = self._written(every, rate, cut)
+        cases, files = self._written(every, rate, cut or unestimated)
         statement = _statement(
             space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
         )
@@ -449,7 +447,7 @@ class _Work:
             runs.damaged + draws.damaged + self._more.damaged, statement=statement,
             plays=self._screen.played - self._measured if self._screen is not None else 0,
             draws=self.unseen,
-            domain=asked.domain, cut=cut,
+            domain=asked.domain, cut=cut, unestimated=unestimated,
             judged=NOT_JUDGED if self._judging is None else self._judging.counts,
             bound=bound, density=settings.density, guidance=self._problem.guidance,
             not_found=_not_found(space, runs.episodes(reward), rate), limits=settings.run.fail_if,
@@ -461,6 +459,23 @@ class _Work:
         parts = {"sought": sought, "drawn": drawings, "estimate": estimates, "until": against}
         write_episodes(space, parts, self._out)
         return generated
+
+    def _rate(self, every: Episodes) -> Estimate | None:
+        """Estimate the failure rate from all runs; None where the time is over before. What was
+        run for it is kept.
+        """
+        run, drivers = (
+            self._clock.limited(each, RUN) for each in (self._estimating, self._drivers)
+        )
+        with suppress(TimeOver):
+            return _estimate(
+                self._problem, self._asked.source, run, drivers, every, self._asked.settings
+            )
+        return None
+
+    def _estimating(self, theta: FloatArray, sut: str | None) -> Outcomes:
+        """Outcomes of points (n, d) of the estimate, which its runs keep."""
+        return self._more(theta)
 
     def _bound(self, every: Episodes, cut: bool) -> DrawnBound | None:
         """Draw until the bound holds that `settings.until` asks for; None where

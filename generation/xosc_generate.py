@@ -340,6 +340,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if generated.bound is not None:
         yield f"  {generated.bound}"
     yield f"  {basis(generated)}"
+    if generated.unestimated:
+        yield "  no estimate: the time was over before; more --minutes go on with its runs"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines(generated.failure))
     yield from (f"  {path}" for path in generated.files[:_LISTED])

@@ -65,13 +65,9 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
         stated = [_sentence(generated.bound), *stated]
     stated.append(_sentence(basis(generated)))
     if estimate is None:
-        return [
-            found,
-            *refused,
-            *lost,
-            *stated,
-            "How often traffic makes it fail was not estimated; --estimate does that.",
-        ]
+        why = ": the time was over before." if generated.unestimated else "; --estimate does that."
+        often = f"How often traffic makes it fail was not estimated{why}"
+        return [found, *refused, *lost, *stated, often]
     traffic = "simulated traffic" if generated.recorded.simulated else "traffic"
     made = f"When {traffic} makes the manoeuvre of {title}"
     drawn = (

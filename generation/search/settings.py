@@ -112,8 +112,8 @@ class SearchSettings:
         until: draw in arrays, after the search, until failures that were not found have a
             probability below it, or one stands against it; None for no such draws.
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
-        minutes: time for all phases; draws have a third of it, the search ends when two thirds are
-            over, whatever is left of its budget, and there is no estimate then; None for no limit.
+        minutes: time for all phases; draws have a third of it, search and estimate end when two
+            thirds are over, whatever is left of the budget; None for no limit.
         plays: plays of the system in arrays, about: half of them measure the density, half choose
             runs; 0 for none; None for as many as the budget says, and fewer where the system is
             asked run by run.
@@ -131,7 +131,13 @@ class SearchSettings:
         RunSettings, "timestep", "sut", "max_time", "world", "road_path", "catalog_path"
     )
     method: str = _method()
-    budget: int = option(3000, "Runs that the search may spend.", min=1, metavar="N")
+    budget: int = option(
+        3000,
+        "Runs of draws and search; plays, judges and --estimate come besides (--minutes "
+        "limits all).",
+        min=1,
+        metavar="N",
+    )
     seed: int = option(0, "Seed of the search.", shared=True)
     density: str = JUDGE
     weight: float | None = option(
@@ -155,7 +161,7 @@ class SearchSettings:
     )
     estimate: bool = option(
         False,
-        "Estimate how often traffic makes the system fail, by at most 600 more runs.",
+        "Estimate how often traffic makes it fail: up to 600 more runs.",
         "--estimate",
     )
     judges: Sequence[str] = option(

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from generation import clock as clocks
 from generation.pipeline import LEAST, Generated, generate
+from generation.report.report import headline
 from generation.search.settings import SearchSettings
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import Recorded, of_recordings, of_samples
@@ -195,3 +198,32 @@ def test_draws_in_arrays_that_measure_the_density_bound_what_was_not_found(tmp_p
     assert 0 < inside.played.draws < made.played.draws
     pinned = replace(settings, pinned={"Ego_Speed_mps": "30"})
     assert generate(CUT_IN, TRAFFIC, tmp_path / "pinned", pinned).played is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plays", [0, 1000])
+def test_an_estimate_ends_with_the_time_too_and_goes_on_in_the_next_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plays: int
+) -> None:
+    settings, runs, ticks = replace(QUICK, plays=plays, estimate=True), list[int](), count()
+
+    def kept() -> str:
+        return "".join(path.read_text() for path in tmp_path.glob("*_estimate_*.jsonl"))
+
+    def passing() -> float:
+        """The time is over after the first runs of the estimate, or before its plays."""
+        over = kept() or (plays and sum(runs) == settings.budget)
+        return next(ticks) * 1e-6 + (45.0 if over else 0.0)
+
+    monkeypatch.setattr(clocks.time, "monotonic", passing)
+    cut = generate(CUT_IN, TRAFFIC, tmp_path, replace(settings, minutes=1.0), runs.append)
+    monkeypatch.undo()
+    assert cut.unestimated and cut.estimate is None and not cut.cut
+    assert len(cut.history.theta) == 30, "the search had its budget"
+    assert headline("Cut in", "cas", cut)[-1].endswith("estimated: the time was over before.")
+    before = kept()
+    assert before.count("\n") == (0 if plays else 20), "the first stage"
+    whole = generate(CUT_IN, TRAFFIC, tmp_path, settings)
+    assert whole.estimate is not None and not whole.unestimated
+    assert whole.estimate.runs + whole.estimate.failed == settings.budget
+    assert kept().startswith(before) and kept().count("\n") == settings.budget
