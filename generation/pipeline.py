@@ -133,6 +133,7 @@ class Generated:
         draws: the unguided draws of this call; None where there were none.
         played: the bound by draws that measured the density in arrays, whose verdicts are those of
             all `draws`; None where none were played in the space of the search.
+        measuring: these draws (n, d) and their outcomes; None where there are none.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
         unestimated: whether its time was over before the estimate that was asked for.
@@ -174,6 +175,7 @@ class Generated:
     limits: tuple[str, ...] = ()
     driving: Driving | str = ""
     played: Statement | None = None
+    measuring: tuple[FloatArray, Outcomes] | None = None
 
     @property
     def lost(self) -> bool:
@@ -452,6 +454,7 @@ class _Work:
             bound=bound, density=settings.density, guidance=self._problem.guidance,
             not_found=_not_found(space, runs.episodes(reward), rate), limits=settings.run.fail_if,
             driving=driving(asked.source, space, asked.prior), played=played,
+            measuring=self._measuring,
         )  # fmt: skip
         write_object(
             summary(asked.scenario, generated, settings), self._out / summary_file(asked.scenario)

@@ -4,8 +4,8 @@ failures, and regions.
 Counterexamples are the likeliest failure and the nearest to a recording. A region is a group of
 failing runs with a rule, its probability, severity and typical member. A rule bounds at most three
 measures from one side each. It is fitted to the runs of the folder, which were sought near
-failures: its precision and recall are shares of these runs. The probability of a region comes from
-unguided draws alone.
+failures: its precision and recall are shares of draws of the density, those in arrays that measured
+it among them. The probability of a region comes from unguided draws alone.
 """
 
 from __future__ import annotations
@@ -573,8 +573,8 @@ class FailureRegion(NamedTuple):
 
     Attributes:
         bounds: its rule; none with fewer than `_RULED` failures.
-        precision: unguided draws within the rule, and those of them that fail.
-        recall: unguided draws that fail near its failures, and those of them within the rule.
+        precision: draws within the rule (`_Traffic`), and those of them that fail.
+        recall: draws that fail near its failures, and those of them within the rule.
         failures: number of failing runs. chance: probability of its failures.
         severity: mean impact speed, m/s. cases: rows of the edge cases in it, the likelier first.
         typical, likeliest: rows of the executed runs: the failure nearest to the others, and that
@@ -682,6 +682,7 @@ def with_parts(
     # From 0 on: `others` below holds places in `found`, which are labels too.
     labels = np.unique(grouped(unit[failing], LINKED), return_inverse=True)[1]
     parts = _Parts(generated, columns, unit[failing], labels)
+    traffic = _Traffic.of(generated, by, theta, rows)
     collided = np.flatnonzero(generated.cases.outcomes.collision)
     cases = generated.cases.take(collided)
     found = []
@@ -701,7 +702,7 @@ def with_parts(
         severity = float(outcomes.impact_speed[group].mean())
         of_rule = (
             bounds,
-            *_traffic_scores(generated, theta, rows, bounds, unit[group]),
+            *traffic.scores(bounds, unit[group]),
             len(group),
         )
         found.append(
@@ -794,39 +795,67 @@ def _degenerate(bound: Bound, others: Sequence[Bound]) -> bool:
     )
 
 
-def _traffic_scores(
-    generated: Generated,
-    theta: FloatArray,
-    rows: FloatArray,
-    bounds: Sequence[Bound],
-    group: FloatArray,
-) -> tuple[Share, Share]:
-    """Precision and recall of a rule in traffic, by unguided draws, which no
-    rule was chosen for; no draws without a rule.
+class _Traffic(NamedTuple):
+    """Draws (n,) of the density by which rules are scored: the unguided ones, and those in arrays
+    that measured the density, where arrays have the verdicts of all unguided ones.
 
     Sought runs crowd about failures, so a share of them says nothing about traffic.
 
-    Args:
-        theta, rows: executed runs (n, d), and their measures (n, k). group: failures (m, j) of the
-            region in the unit cube.
+    Attributes:
+        unit: in the unit cube (n, j). rows: measures (n, k). fails: which fail.
     """
-    if generated.draws is None or not bounds:
-        return Share(0, 0), Share(0, 0)
-    drawn, outcomes, _ = generated.draws
-    # Draws are among the executed runs, whose measures are worked out already.
-    place = {row.tobytes(): number for number, row in enumerate(np.ascontiguousarray(theta))}
-    ran = [
-        number for number in np.flatnonzero(outcomes.executed) if drawn[number].tobytes() in place
-    ]
-    measured = rows[[place[drawn[number].tobytes()] for number in ran]]
-    inside = np.all([bound.holds(measured) for bound in bounds], axis=0)
-    fails = outcomes.collision[ran]
-    columns = distinctive(generated.space)
-    own = fails & _near(generated.space.unit(drawn[ran])[:, columns], group)
-    return (
-        Share(int((inside & fails).sum()), int(inside.sum())),
-        Share(int((inside & own).sum()), int(own.sum())),
-    )
+
+    unit: FloatArray
+    rows: FloatArray
+    fails: BoolArray
+
+    @classmethod
+    def of(
+        cls, generated: Generated, by: Sequence[Measure], theta: FloatArray, rows: FloatArray
+    ) -> _Traffic:
+        """Build from a search.
+
+        Args:
+            theta, rows: executed runs (n, d), and their measures (n, k).
+        """
+        space, columns = generated.space, distinctive(generated.space)
+        if generated.draws is None:
+            return cls(np.empty((0, int(columns.sum()))), rows[:0], np.zeros(0, bool))
+        drawn, outcomes, _ = generated.draws
+        # Draws are among the executed runs, whose measures are worked out already.
+        place = {row.tobytes(): number for number, row in enumerate(np.ascontiguousarray(theta))}
+        ran = [
+            number
+            for number in np.flatnonzero(outcomes.executed)
+            if drawn[number].tobytes() in place
+        ]
+        points, fails = drawn[ran], outcomes.collision[ran]
+        values = rows[[place[row.tobytes()] for row in points]]
+        if generated.measuring is not None:
+            more, found = generated.measuring
+            more, found = more[found.executed], found.take(found.executed)
+            named = {each.name: each.values for each in measured(generated, more)}
+            points = np.concatenate([points, more])
+            fails = np.concatenate([fails, found.collision])
+            more_values = np.stack([named[each.name] for each in by], axis=1)
+            values = np.concatenate([values, more_values])
+        return cls(space.unit(points)[:, columns], values, fails)
+
+    def scores(self, bounds: Sequence[Bound], group: FloatArray) -> tuple[Share, Share]:
+        """Precision and recall of a rule; of no draws without one.
+
+        Args:
+            group: failures (m, j) of the region in the unit cube.
+        """
+        if not bounds:
+            return Share(0, 0), Share(0, 0)
+        inside = np.all([bound.holds(self.rows) for bound in bounds], axis=0)
+        own = self.fails.copy()
+        own[own] = _near(self.unit[own], group)
+        return (
+            Share(int((inside & self.fails).sum()), int(inside.sum())),
+            Share(int((inside & own).sum()), int(own.sum())),
+        )
 
 
 _GAIN = 0.01

@@ -88,6 +88,25 @@ def test_a_rule_is_scored_on_unguided_draws_and_not_on_sought_runs() -> None:
     assert unknown[0].as_json([Measure("gap", "m", theta[:, GAP])], {})["precision"] is None
 
 
+def test_a_rule_is_scored_on_draws_in_arrays_too() -> None:
+    theta = np.tile(np.array(EASY), (200, 1))
+    theta[:, GAP] = np.linspace(5.0, 80.0, 200)
+    outcomes = Outcomes.of(200, collision=theta[:, GAP] < 15.0)
+    every, generated = Episodes(theta, outcomes, np.zeros(200)), searched("cas", np.array([HARD]))
+    none = generated.cases.take(np.zeros(len(generated.cases), bool))
+    generated = replace(generated, episodes=every, draws=every, cases=none)
+    of, twice = varying(generated), replace(generated, measuring=(theta, outcomes))
+    alone, both = regions(generated, of), regions(twice, of)
+    for one, two in zip(alone, both, strict=True):
+        for few, more in ((one.precision, two.precision), (one.recall, two.recall)):
+            assert (more.collisions, more.runs) == (2 * few.collisions, 2 * few.runs)
+    assert sum(each.precision.runs for each in alone) > 0
+    # Draws without a verdict say nothing.
+    untested = Outcomes.of(len(theta), status=["error"] * len(theta))
+    unscored = regions(replace(generated, measuring=(theta, untested)), of)
+    assert [each.precision for each in unscored] == [each.precision for each in alone]
+
+
 def test_few_failures_make_no_rule_and_no_rule_leaves_a_single_value() -> None:
     generated = searched("cas:brake=2", np.array([HARD, WEAK]), drawn=20)
     of = varying(generated)
