@@ -418,7 +418,8 @@ def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> RoleRange
         for lane in section.lanes
         if lane
     }
-    if isinstance(one["lane"], bool) or one["lane"] not in lanes:
+    # JSON may have a list here, which no set can be asked for.
+    if type(one["lane"]) is not int or one["lane"] not in lanes:
         raise wrong(f"road {road.id} has no lane {one['lane']!r} from {start:g} to {end:g} m")
     confidence = one.get("confidence", 1.0)
     if isinstance(confidence, bool) or not isinstance(confidence, int | float):

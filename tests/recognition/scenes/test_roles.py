@@ -318,6 +318,10 @@ def test_an_edit_may_part_a_lane_along_s(entered: Site) -> None:
     [
         (lambda roles: roles.append({"road": "9", "lane": -1, "role": "main"}), "no road '9'"),
         (lambda roles: roles.append({"road": "1", "lane": -8, "role": "main"}), "no lane -8"),
+        (
+            lambda roles: roles.append({"road": "1", "lane": [-3], "role": "main"}),
+            r"no lane \[-3\]",
+        ),
         (lambda roles: roles[0].update(role="fast"), "'fast' is none of the roles main, on_ramp"),
         (lambda roles: roles[0].pop("lane"), "an entry has road, lane and role"),
         (lambda roles: roles[0].update(to="end"), "from and to are numbers"),
