@@ -535,6 +535,14 @@ class JointPrior(Prior):
         )
         return np.where(self.possible(theta), densities, -np.inf)
 
+    def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
+        """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m); (0, m)
+        without recordings."""
+        ratios = [part.log_ratios(self._columns(part, theta), n, generator) for part in self._parts]
+        # Parts are independent, so ratios multiply; what is stated is the same in all densities.
+        resampled = [of_part for of_part in ratios if len(of_part)]
+        return np.sum(resampled, axis=0) if resampled else np.empty((0, len(theta)))
+
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is
         done alone: (n,)."""

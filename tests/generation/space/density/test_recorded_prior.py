@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from generation.space.density.marginals import DeclaredPrior, JointPrior, uniform
 from generation.space.density.prior import Box, Limits, RecordedPrior, quantities
 from generation.space.density.roles import BEHIND, EGO_SPEED, Role
 from generation.space.logical.library import SCENARIOS
@@ -191,6 +192,14 @@ def test_densities_of_resampled_recordings_differ_most_where_little_is_recorded(
     found, _ = prior("gaussian")
     drawn = found.sample(1000, np.random.default_rng(0))
     order = np.argsort(found.log_density(drawn))
+    stated = DeclaredPrior({"x": uniform(0.0, 1.0)}, None)
+    both = JointPrior((*found.names, "x"), (found, stated), lambda rows: np.ones(len(rows), bool))
+    wider = np.hstack([drawn, np.full((len(drawn), 1), 0.5)])
+    np.testing.assert_array_equal(
+        both.log_ratios(wider, 8, np.random.default_rng(1)),
+        found.log_ratios(drawn, 8, np.random.default_rng(1)),
+        "a stated parameter beside recorded ones takes nothing of the uncertainty",
+    )
     ratios = found.log_ratios(drawn, 8, np.random.default_rng(1))
     np.testing.assert_array_equal(ratios, found.log_ratios(drawn, 8, np.random.default_rng(1)))
     assert ratios.shape == (8, 1000) and np.isfinite(ratios).all()
