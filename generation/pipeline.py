@@ -514,7 +514,10 @@ class _Work:
         )
         cases = replace(cases, repeats=self._repeated(cases.theta[cases.outcomes.collision]))
         density = asked.reward.realism.density
-        files = _write(asked.scenario, asked.space, self._out, settings, cases, density, rate)
+        calls = len(every.theta)
+        files = _write(
+            asked.scenario, asked.space, self._out, settings, cases, density, rate, calls
+        )
         return cases, files
 
     def _repeated(self, theta: FloatArray) -> Repeats:
@@ -792,7 +795,7 @@ def _estimate(
 ) -> Estimate:
     """Estimate the failure rate of the system."""
     assert problem.prior is not None
-    known = Known(episodes.theta, episodes.outcomes.collision)
+    known = Known.of(episodes.theta, episodes.outcomes)
     chosen = EstimateSettings(
         min(RUNS, settings.budget),
         settings.seed,
@@ -892,15 +895,20 @@ def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Eval
     )
 
 
-def evidence(settings: SearchSettings) -> Evidence:
-    """Return the evidence for all files of a search."""
+def evidence(settings: SearchSettings, calls: int) -> Evidence:
+    """Return the evidence for all files of a search.
+
+    Args:
+        calls: number of runs that its cases are chosen from.
+    """
+    # Not the budget: a search may end before it, by its time or where nothing new fails.
     run = settings.run
     return Evidence(
         system_name(run.sut),
         settings.method,
         settings.rss,
         settings.seed,
-        settings.budget,
+        calls,
         run.timestep,
     )
 
@@ -913,6 +921,7 @@ def _write(
     cases: Cases,
     density: Density,
     rate: Estimate | None,
+    calls: int,
 ) -> list[Path]:
     """Write the estimate, and the files of edge cases in the place of those of a search before."""
     if rate is not None:
@@ -923,7 +932,7 @@ def _write(
     files: list[Path] = []
     if len(cases):
         of_all, writer = (
-            evidence(settings),
+            evidence(settings, calls),
             Writer(scenario, space, out, settings.run, settings.overwrite),
         )
         files = [writer.cases(cases, of_all), writer.density(density, settings.seed)]

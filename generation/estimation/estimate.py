@@ -329,6 +329,13 @@ class Known(NamedTuple):
     failing: BoolArray
 
     @classmethod
+    def of(cls, theta: FloatArray, outcomes: Outcomes) -> Known:
+        """Runs (m, d) with outcomes, as far as they took place."""
+        # A run that ended with an error has no failure, and did not pass either.
+        ran = outcomes.executed
+        return cls(theta[ran], outcomes.collision[ran])
+
+    @classmethod
     def nothing(cls, prior: Prior) -> Known:
         """No runs."""
         return cls(np.empty((0, len(prior.names))), np.empty(0, bool))

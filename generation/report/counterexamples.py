@@ -204,7 +204,8 @@ def counterexamples(
     foreseeable = generated.prior.foreseeable(cases.theta)
     preventable = np.any([cases.drivers[name].survived for name in cases.judges], axis=0)
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
-    files = writer.concrete(cases, evidence(settings), [row_names[0] for row_names in names])
+    of_all = evidence(settings, len(generated.episodes.theta))
+    files = writer.concrete(cases, of_all, [row_names[0] for row_names in names])
     made = []
     for row, (file, row_names) in enumerate(zip(files, names, strict=True)):
         unit = nearest(generated, cases.theta[row])
@@ -293,7 +294,8 @@ def replays(
         judges=judges,
     )
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
-    files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])
+    of_all = evidence(settings, len(theta))
+    files = writer.concrete(cases, of_all, [names[row] for row in chosen])
     played = {
         row: FailureReplay(file, *_played(file, settings))
         for row, file in zip(chosen, files, strict=True)

@@ -79,7 +79,7 @@ class Evidence:
         method: of the search.
         rss: name of the RSS parameter set.
         seed: of the search.
-        calls: simulator calls of the search.
+        calls: runs that the cases are chosen from.
         timestep: s.
     """
 

@@ -64,6 +64,13 @@ def erring(theta: FloatArray, sut: str | None = None) -> Outcomes:
     return Outcomes.of(len(theta), status=["error"] * len(theta))
 
 
+def test_runs_with_errors_are_not_known_to_pass() -> None:
+    theta = np.array([[0.01, -0.01], [0.5, -0.5], [0.6, -0.6]])
+    known = Known.of(theta, replace(failing(theta), status=np.array(["completed", "error", "x"])))
+    assert known.theta.tolist() == theta[[0, 2]].tolist()
+    assert known.failing.tolist() == [True, False]
+
+
 @pytest.mark.parametrize("plays", [None, failing])
 def test_an_estimate_without_a_run_knows_nothing(plays: Plays | None) -> None:
     found = estimate(PRIOR, erring, erring, NONE, plays, EstimateSettings(5, 0))

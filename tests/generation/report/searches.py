@@ -75,7 +75,7 @@ def searched(sut: str, points: FloatArray, drawn: int = 0) -> Generated:
 def written(generated: Generated, sut: str, folder: Path) -> Path:
     """The files of such a search."""
     writer = Writer(CUT_IN, SPACE, folder)
-    writer.cases(generated.cases, evidence(settings(sut)))
+    writer.cases(generated.cases, evidence(settings(sut), len(generated.episodes.theta)))
     write_object(summary(CUT_IN, generated, settings(sut)), folder / summary_file(CUT_IN))
     Written(folder, CUT_IN.stem).note()
     return folder

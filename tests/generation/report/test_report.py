@@ -18,6 +18,7 @@ from generation.report.report import chance, figure, headline, write_report
 from runner.judging.settings import RunSettings
 from tests.generation.report.searches import CUT_IN, EASY, HARD, WEAK, searched, settings, written
 from tests.runner.chromium import Browser
+from xosc.writing.tags import tags_of
 
 SUT = "cas:brake=2"
 
@@ -44,6 +45,8 @@ def data(folder: Path) -> dict:
 @pytest.mark.slow
 def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> None:
     found = data(folder)["counterexamples"]
+    tags = {tag.type: tag.value for tag in tags_of(folder / found[0]["file"])}
+    assert tags["SimulatorCalls"] == data(folder)["runs"]["total"], "all ran; more were allowed"
     assert [each["names"][0] for each in found] == ["likeliest_failure", "nearest_failure"][
         : len(found)
     ]
