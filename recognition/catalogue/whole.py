@@ -82,6 +82,7 @@ def write_replay(
     file = _road(source, recording, remarks)
     if raw:
         recording = _unsmoothed(recording)
+    # Everyone takes part, however far from the ego.
     scope = Scope(math.inf, _NONE if raw else Tolerance())
     scene = SceneCutter(recording, scope).cut(track.name, -math.inf, math.inf)
     remarks += _deviation(scene)
@@ -124,6 +125,7 @@ def _unsmoothed(recording: Recording) -> Recording:
 
 def _recorded(track: Track) -> dict[str, np.ndarray]:
     columns = track.columns
+    # The columns `raw_…` themselves go: their values stand under the names without it.
     recorded = {name: columns[f"raw_{name}"] for name in RAW if f"raw_{name}" in columns}
     return {name: values for name, values in columns.items() if name[4:] not in recorded} | recorded
 

@@ -82,6 +82,7 @@ class _Motion(NamedTuple):
             columns[name] for name in ("time", "x", "y", "h", "speed", "acceleration")
         )
         sign = np.where(speed < 0.0, -1.0, 1.0)
+        # Unwrapped: between vertices headings are interpolated, which must not go round by ±π.
         return cls(time, x, y, np.unwrap(h), sign * speed, sign * acceleration)
 
 
@@ -260,6 +261,7 @@ class SceneCutter:
         """A participant with the vertices of its track within the scene, and its first and last row
         there."""
         key = track.name, tolerance
+        # Scenes of one recording overlap: the vertices of a track are chosen once, and shared.
         if key not in self._vertices:
             self._vertices[key] = vertices(track.columns, tolerance)
         found = self._vertices[key]

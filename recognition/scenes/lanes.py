@@ -132,6 +132,7 @@ class LaneGraph:
         its centre line, m."""
         start, end = self._start[strip], self._end[strip]
         way = np.where(self.forward[strip], s - start, end - s)
+        # By its share: in a curve a lane is longer or shorter than the road's s says.
         return way * self.length[strip] / np.maximum(end - start, 1e-9)
 
     def heading(self, strip: int, along: float) -> float:
@@ -197,6 +198,7 @@ class LaneGraph:
             np.abs(np.remainder(h - self.heading(one, 0.0) + np.pi, math.tau) - np.pi)[:, None]
             < _ALIGNED
         )
+        # Each near point stands for a step of common border.
         if near.any(axis=1).sum() * _STEP < _SHARED:
             return None
         return int(np.sign(across[near].mean()))

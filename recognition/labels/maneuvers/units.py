@@ -61,6 +61,7 @@ class Exposure:
     def of(cls, motion: LaneCoordinates, units: Iterable[Unit], quality: float = 1.0) -> Exposure:
         """Return the exposure of one recording."""
         scene = motion.scene
+        # Steps between two tracks, and over missing frames, are no driving.
         steps = np.where(
             (np.diff(scene.track) == 0) & (np.diff(scene.frame) == 1), np.diff(scene.time), 0.0
         )
