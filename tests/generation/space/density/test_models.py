@@ -191,7 +191,7 @@ def test_every_model_is_found() -> None:
 def test_other_mistakes_are_refused() -> None:
     with pytest.raises(UsageError, match="as many recordings"):
         KDE().fit(normal(20), recordings(19))
-    with pytest.raises(UsageError, match="two recordings"):
+    with pytest.raises(UsageError, match="all that is recorded is of one recording"):
         KDE().fit(normal(20), np.zeros(20))
     with pytest.raises(UsageError, match="there is no density 'spline'; densities: kde"):
         model("spline")
