@@ -95,6 +95,14 @@ def test_parameters_are_columns_of_numbers(batches: Path, command: Command) -> N
     )
 
 
+def test_a_parameter_called_as_a_column_has_one_of_its_own(
+    tmp_path: Path, command: Command
+) -> None:
+    batch(tmp_path / "c", ("x", "failed", 0.5, {"state": "3", "Gap": "8"}))
+    (row,) = json.loads(command("xosc-list", tmp_path / "c", "--format", "json").out)
+    assert (row["state"], row["parameters_state"], row["Gap"]) == ("failed", 3.0, 8.0)
+
+
 def test_a_run_is_a_row_of_its_batch(batches: Path, command: Command) -> None:
     rows = json.loads(command("xosc-list", "a/y", "--format", "json").out)
     assert [(row["name"], row["Gap"], row["remarks"]) for row in rows] == [("y", 12.0, "one; two")]

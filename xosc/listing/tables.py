@@ -274,10 +274,12 @@ def _flat(table: pa.Table) -> pa.Table:
     for name in table.column_names:
         kind = table.schema.field(name).type
         if pa.types.is_map(kind):
-            prefix = "" if name == "parameters" else f"{name}_"
             for key, values in _by_name(table[name].to_pylist()).items():
-                if f"{prefix}{key}" not in table.column_names:
-                    columns[f"{prefix}{key}"] = pa.array(values)
+                # Parameters by their own names, as scenarios have them; one that is called as a
+                # column of the table would be lost.
+                column = key if name == "parameters" else f"{name}_{key}"
+                taken = column in table.column_names
+                columns[f"{name}_{column}" if taken else column] = pa.array(values)
         elif pa.types.is_list(kind):
             texts = ["; ".join(map(str, cell or ())) for cell in table[name].to_pylist()]
             columns[name] = pa.array(texts, pa.string())
