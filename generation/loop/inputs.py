@@ -98,6 +98,7 @@ class Inputs(NamedTuple):
         """
         if not self.recordings:
             return ""
+        # All files, not the recordings alone: maps and declarations beside them decide too.
         paths = sorted(
             path for path in self.folder.rglob("*") if path.is_file() and path.suffix != ".xosc"
         )

@@ -281,6 +281,8 @@ class _Loop:
         }
         # A single search uses all processes for its own runs.
         if self._settings.processes > 1 and len(left) > 1:
+            # All are begun before the first is waited for, or they would search one after the
+            # other.
             begun = {
                 target.name: searchers.begin(target, number, self._known(target)) for target in left
             }

@@ -330,6 +330,7 @@ class Earlier(NamedTuple):
             )
             for search in self.searches.get(target, ())
         ]
+        # Rounds by different code have no one former system that could tell what is new.
         systems = {round_.system for round_ in rounds}
         values = [value for round_ in rounds for value in round_.values]
         return Before(

@@ -635,6 +635,7 @@ def _against(report: SearchReport, out: Path) -> Json | None:
     if compared is None:
         return None
     before = compared.before
+    # The other search may have been made without --estimate.
     chance = (before.estimate or {}).get("probabilities", {}).get("collision")
     failures = [
         {

@@ -213,6 +213,7 @@ def _is_unique(message: Any, field: str, ids: _Ids) -> str | None:
     if not message.HasField(field):
         return None
     other = ids.here.get(number)
+    # By identity: `here` holds the messages, so protobuf gives the same objects again.
     if other is not None and other is not message:
         return f"the id {number} is that of another {other.DESCRIPTOR.name} too"
     if ids.known.get(number, kind) != kind:

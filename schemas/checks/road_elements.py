@@ -264,6 +264,7 @@ def _attributes(element: etree._Element, declared: _Element) -> Iterator[str]:
 
 
 def _fits(kind: str, text: str, required: bool) -> bool:
+    # An optional attribute that is empty says as little as none.
     if kind == "text" or (not text.strip() and not required):
         return True
     if kind in _ENUMERATIONS:
@@ -272,4 +273,5 @@ def _fits(kind: str, text: str, required: bool) -> bool:
         value = number(text)
     except ValueError:
         return False
+    # NaN compares false, and is refused with the infinities.
     return abs(value) < float("inf") and (kind == "number" or value.is_integer())

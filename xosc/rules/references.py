@@ -172,6 +172,7 @@ def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
             continue
         what = f"the private actions of the maneuver group {group.get('name')!r} have no actor"
         selected = document.value(actors, "selectTriggeringEntities")
+        # None: a parameter without a value decides, and nothing can be said.
         if selected not in ("true", "1", None):
             yield Finding(actors, what)
         elif selected is not None and not _is_triggered_by_entities(group):
@@ -196,6 +197,7 @@ def kept_lane_offset_is_from_another_entity(document: CheckedDocument) -> Iterat
         if (
             target is None
             or document.value(action, "continuous") not in ("true", "1")
+            # An offset of 0 from oneself stays where it is.
             or not document.number(target, "value")
         ):
             continue
@@ -430,6 +432,7 @@ def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
         for element in document.elements(tag):
             name = document.value(element, "filepath")
             if name and not _exists(document, tag, name):
+                # By both kinds of paths: files come from systems other than this one.
                 absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute()
                 place = "" if absolute else f" in {document.path.parent}"
                 alike = in_any_case(document.file(name))

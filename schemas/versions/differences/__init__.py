@@ -108,6 +108,7 @@ def known_differences() -> tuple[Difference, ...]:
             standard, *numbers = parts.groups()
             a, b, c, d, e, f = map(int, numbers)
             differences.append(Difference(standard, (d, e, f), (a, b, c), path))
+    # As tuples: by standard, then by the later version.
     return tuple(sorted(differences))
 
 
