@@ -43,9 +43,12 @@ _MORE = (
     *("joint", "retrained", "joint-retrained", "as-published-joint"),
 )
 """Rows of plain methods, of an autoencoder, which read grids, and of an encoder that learns on"""
-_PARTS = ("pooled", "supervised-forest", "all-candidates")
-"""Rows that differ from TRFE in one part: votes without distances, the similarity, and the number
-of candidates"""
+_PARTS = (
+    *("pooled", "supervised-forest", "all-candidates"),
+    *("k-means", "trfe-k-means", "kmeans-axes", "gaussian-mixture", "gaussian-mixture-counted"),
+)
+"""Rows that differ from TRFE in one part: votes without distances, the similarity, the number of
+candidates, and what clusters on its axes"""
 
 
 OWN_RECORDINGS = "units"
