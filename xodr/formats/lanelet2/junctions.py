@@ -42,6 +42,8 @@ _TURN, _TURNING = math.radians(45.0), 40.0
 """Least change of direction of a turn, within so many metres"""
 _MOST_OF = 0.9
 """Share of a turn at which it is done"""
+_BETWEEN = 1.0
+"""Length of the road between two junctions where lanelets inside them meet, m"""
 _LARGEST_SHARE = 0.8
 """Largest share of a lanelet that is cut off for a junction."""
 
@@ -55,6 +57,28 @@ def layout(graph: Graph) -> tuple[Graph, Layout]:
     table = graph.canonical()
     for number, at_end in sorted(cuts.items()):
         inside |= _cut(graph, table, rows.bundles[number], at_end)
+    parts, plan = _planned(graph, table, inside)
+    met = [
+        number
+        for joint in plan.joints
+        if any(plan.bundles[number].inside for number in joint.ending)
+        for number in joint.beginning
+        if plan.bundles[number].inside
+    ]
+    if not met:
+        return parts, plan
+    for number in met:
+        # Connecting roads that differ, as in their speed limit, are no one road; and one that leads
+        # into another would be its incoming road: a stretch outside lies between.
+        lanelets = [table[name] for name in plan.bundles[number].first]
+        line = middle(lanelets[0].left, lanelets[-1].right)
+        seconds = split(table, lanelets, frame_at(line, min(_BETWEEN, lengths(line)[-1] / 2)))
+        inside = (inside - seconds.keys()) | set(seconds.values())
+    return _planned(graph, table, inside)
+
+
+def _planned(graph: Graph, table: dict[str, Lanelet], inside: set[str]) -> tuple[Graph, Layout]:
+    """The lanelets of a table as a graph, with the notes of another one, and its roads."""
     parts = Graph(list(table.values()))
     parts.notes[:0] = graph.notes
     marked = [Bundle(tuple((name,) for name in row), row[0] in inside) for row in parts.rows()]

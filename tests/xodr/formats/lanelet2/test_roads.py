@@ -507,3 +507,24 @@ def test_a_step_back_at_a_corner_is_no_turn_about() -> None:
     assert not winds(corner)
     circle = np.array([[math.cos(a), math.sin(a)] for a in np.linspace(0.0, 9.0, 60)]) * 8.0
     assert winds(circle) and np.ptp(headings(circle)) == pytest.approx(9.0, abs=0.6)
+
+
+def test_no_junction_is_entered_from_inside_another_one(tmp_path: Path) -> None:
+    # Two lanelets with different limits follow each other, and both are crossed.
+    lanelets = [
+        _strip("w0", (-50.0, 0.0), (0.0, 0.0), successors=("w1",)),
+        _strip("w1", (0.0, 0.0), (20.0, 0.0), successors=("w2",)),
+        _strip("w2", (20.0, 0.0), (40.0, 0.0), successors=("w3",), speed_limit=8.0),
+        _strip("w3", (40.0, 0.0), (90.0, 0.0)),
+    ]
+    for name, x in (("p", 10.0), ("q", 30.0)):
+        for number, (start, end) in enumerate(((-60.0, -8.0), (-8.0, 8.0), (8.0, 60.0))):
+            sides = [np.array([(x + aside, start), (x + aside, end)]) for aside in (-1.75, 1.75)]
+            onwards = (f"{name}{number + 1}",) if number < 2 else ()
+            lanelets.append(Lanelet(f"{name}{number}", *sides, successors=onwards))
+    path = build(lanelets, "x").map.write(tmp_path / "x.xodr")
+    assert [problem for problem in schemas.check(path) if problem.level == "error"] == []
+    network = xodr.load(path)
+    between = network.roads[network.locate(20.5, 0.0).road_id]
+    assert (between.junction_id, len(network.junctions)) == (None, 2)
+    assert between.length == pytest.approx(1.0, abs=0.1)
