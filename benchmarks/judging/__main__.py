@@ -2,6 +2,7 @@
 the figures of the answers.
 
     python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR | --rules]
+        [--signalised]
     python -m benchmarks.judging draw FINDINGS RECORDINGS... --out DIR --keys DIR [--findings 90]
         [--vehicles 25] [--seed 0] [--singled-out] [--hidden]
     python -m benchmarks.judging report KEY ANSWERS...
@@ -32,6 +33,7 @@ from benchmarks.judging.items import write_items
 from benchmarks.judging.report import report
 from recognition.catalogue.model import load
 from recognition.catalogue.pipeline import SHIPPED
+from recognition.labels import Rules
 from schemas.common.errors import ToolchainError
 
 
@@ -46,6 +48,11 @@ def main() -> None:
     finding.add_argument("--out", type=Path, required=True)
     finding.add_argument("--model", type=Path, default=SHIPPED)
     finding.add_argument("--rules", action="store_true", help="no model")
+    finding.add_argument(
+        "--signalised",
+        action="store_true",
+        help="count junctions with traffic lights as well: reviewers do not see lights",
+    )
     drawing = commands.add_parser("draw")
     drawing.add_argument("found", type=Path)
     drawing.add_argument("recordings", nargs="+", type=Path)
@@ -78,7 +85,8 @@ def main() -> None:
             print(report(options.key, options.answers))
         elif options.command == "find":
             model = None if options.rules else load(options.model, sorts=True, discover=False)
-            write_findings(find(options.recordings, model), options.out)
+            rules = Rules(signalised=options.signalised)
+            write_findings(find(options.recordings, model, rules), options.out)
         else:
             found, library = read_findings(options.found), Library(options.recordings)
             findings = (

@@ -90,7 +90,11 @@ class Item:
     hidden: bool = False
 
 
-def find(recordings: Sequence[Path], model: Recogniser | None) -> list[Finding]:
+def find(
+    recordings: Sequence[Path],
+    model: Recogniser | None,
+    rules: Rules = Rules(),  # noqa: B008
+) -> list[Finding]:
     """Return the findings of the rules and of a model, if there is one, in recordings, as a
     catalogue would have them.
 
@@ -98,12 +102,13 @@ def find(recordings: Sequence[Path], model: Recogniser | None) -> list[Finding]:
 
     Args:
         model: sorts by its own labels, and gives no discovered classes.
+        rules: their thresholds.
     """
     gap, events = CatalogueSettings().gap, {}
     sources = []
     for _, source in sources_of(recordings):
         try:
-            recording, site, events[source.name] = looked(source, Rules())
+            recording, site, events[source.name] = looked(source, rules)
         except ToolchainError as error:
             print(f"left out: {error}", file=sys.stderr)
             continue

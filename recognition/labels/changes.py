@@ -625,12 +625,13 @@ def _heading_changes(
 ) -> FloatArray:
     """Change of heading (rad) in passages, given that in all rows before each row.
 
-    One of less than `rules.turn` counts with what its lane bends where the track begins or ends
-    inside, if it turns by `rules.straight` itself. Vehicles begin turns before junctions and end
-    them behind: what is turned beyond the bends of the roads within `rules.turning_time` before and
-    after, up to other passages, counts if that makes it a turn.
+    One of less than `rules.turn` counts from the heading of its lane's start, or to that of its
+    end, where the track begins or ends inside, if it turns by `rules.straight` itself. Vehicles
+    begin turns before junctions and end them behind: what is turned beyond the bends of the roads
+    within `rules.turning_time` before and after, up to other passages, counts if that makes it a
+    turn.
     """
-    rules, lanes = scene.rules, scene.site.lanes
+    rules = scene.rules
     recorded, least, turning = (
         turned[last] - turned[first],
         np.radians(rules.straight),
@@ -640,14 +641,9 @@ def _heading_changes(
     for number in np.flatnonzero(~(entered & arrived) & (np.abs(recorded) < turning)).tolist():
         begin, end = int(first[number]), int(last[number])
         if not entered[number]:
-            missing[number] += _lane_turn(
-                lanes, int(scene.strip[begin]), 0.0, float(scene.along[begin])
-            )
+            missing[number] += _lane_turn(scene, begin, at_end=False)
         if not arrived[number]:
-            strip = int(scene.strip[end])
-            missing[number] += _lane_turn(
-                lanes, strip, float(scene.along[end]), float(lanes.length[strip])
-            )
+            missing[number] += _lane_turn(scene, end, at_end=True)
     turn = recorded + missing
     # A turn by the map alone, of which the vehicle has shown nothing, is not known.
     turn[(np.abs(turn) >= turning) & (np.abs(recorded) < least)] = np.nan
@@ -679,14 +675,14 @@ class Turns(NamedTuple):
 
 
 def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
-    """Turns between a lane and a place beside the road, such as a driveway, within
-    `rules.shift_time` of the lane's border.
+    """Turns between a lane and a place beside the road, such as a driveway, and those that cut a
+    corner between lanes, within `rules.shift_time` of the lane's border.
 
     Bends of the lanes are no turns; turns in junctions before or behind are others.
     """
     turned, reach = _turned(scene), scene.rows(scene.rules.shift_time)
     found: list[tuple[int, float]] = []
-    for row in np.sort(crossed.row[crossed.beside]).tolist():
+    for row in np.union1d(crossed.row[crossed.beside], _corners(scene)).tolist():
         first, last = (
             max(row - reach, int(scene.first[row])),
             min(row + reach, int(scene.last[row])),
@@ -711,14 +707,39 @@ def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
     return Turns(scene.centred(rows), angles)
 
 
-def _lane_turn(lanes: LaneGraph, strip: int, start: float, end: float) -> float:
-    """Return the change of heading (rad) of a strip's traffic between two distances (m) from its
-    beginning."""
-    return (
-        0.0
-        if strip == NOWHERE
-        else float(_wrapped(lanes.heading(strip, end) - lanes.heading(strip, start)))
+def _corners(scene: SceneRows) -> IntArray:
+    """Rows at which vehicles leave a lane for one that leads elsewhere, by `rules.turn`, with no
+    lane in between for less than twice `rules.beside`: they cut a corner."""
+    start, size = stays(scene.strip, scene.first)
+    # Between two stays of one track, on lanes.
+    off = np.flatnonzero(scene.strip[start] == NOWHERE)
+    off = off[(off > 0) & (off + 1 < len(start))]
+    before, after = start[off] - 1, start[off] + size[off]
+    kept = (
+        (scene.first[before] == scene.first[start[off]])
+        & (scene.first[after] == scene.first[start[off]])
+        & (size[off] < 2 * scene.rows(scene.rules.beside))
     )
+    off, before, after = off[kept], before[kept], after[kept]
+    bends = [
+        abs(float(_wrapped(_lane_heading(scene, b) - _lane_heading(scene, a))))
+        for a, b in zip(before.tolist(), after.tolist(), strict=True)
+    ]
+    return start[off][np.array(bends, np.float64) >= np.radians(scene.rules.turn[0])]
+
+
+def _lane_turn(scene: SceneRows, row: int, *, at_end: bool) -> float:
+    """Return the change of heading (rad) from the start of a row's lane to the vehicle, or from
+    there to the end of the lane.
+
+    Vehicles that cut the corner are ahead of the bend of their lane: their own heading counts.
+    """
+    lanes, strip = scene.site.lanes, int(scene.strip[row])
+    if strip == NOWHERE:
+        return 0.0
+    if at_end:
+        return float(_wrapped(lanes.heading(strip, float(lanes.length[strip])) - scene.h[row]))
+    return float(_wrapped(scene.h[row] - lanes.heading(strip, 0.0)))
 
 
 def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:

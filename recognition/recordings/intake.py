@@ -471,7 +471,7 @@ def _clock(report: Report) -> Check | None:
     share = report.missing / max(report.rows + report.missing, 1)
     if not report.missing:
         return None
-    reason = f"{report.missing} frames ({share:.1%}) are missing inside tracks"
+    reason = f"frames are missing inside tracks: {report.missing} ({share:.1%})"
     return Check("clock", REFUSED if share > _MISSING else None, share, reason)
 
 
@@ -482,8 +482,8 @@ def _jumps(report: Report) -> Check | None:
         return None
     share = len(jumping) / max(report.tracks, 1)
     reason = (
-        f"{len(jumping)} tracks jump, their ids were used twice or their places are wrong: they "
-        "are cut there"
+        "ids were used twice or places are wrong: tracks are cut where they jump, "
+        f"{len(jumping)} in number"
     )
     return Check(
         "ids",

@@ -275,6 +275,48 @@ def test_of_a_turn_that_the_record_cuts_a_third_is_enough(
     assert all(event.time >= 0.7 for event in events)  # the whole window is there
 
 
+def test_a_turn_across_a_corner_without_a_lane_is_one(tmp_path: Path) -> None:
+    # The lanes before and behind the corner are 20 m apart, and no lane links them.
+    lanelets = [
+        _lanelet("in", [(-80.0, 0.0), (0.0, 0.0)], {}),
+        _lanelet("out", [(20.0, -20.0), (20.0, -100.0)], {}),
+    ]
+    place = site(build(lanelets, "corner").map, tmp_path)
+    angle = np.linspace(0.0, np.pi / 2.0, 40)
+    x = np.concatenate([np.arange(-40.0, 0.0, 0.8), 20.0 * np.sin(angle), np.full(50, 20.0)])
+    y = np.concatenate(
+        [np.zeros(50), 20.0 * (np.cos(angle) - 1.0), -20.0 - 0.8 * np.arange(1.0, 51.0)]
+    )
+    (event,) = labels(place, track("ego", x, y))
+    assert (event.label, event.tags["off_road"]) == (Label.RIGHT_TURN, True)
+    assert event.tags["turn"] == pytest.approx(-90.0, abs=6.0)
+
+
+def test_a_cut_corner_counts_from_the_heading_of_its_lane(crossing: Site) -> None:
+    # The track begins inside, where its lane has turned by 3 degrees and the vehicle by 40.
+    whole = car(crossing, "EN")
+    x, y, h = (whole.columns[name] for name in ("x", "y", "h"))
+    turned = np.abs(np.unwrap(h) - h[0])
+    begin, end = int(np.argmax(turned >= 0.05)), int(np.argmax(turned >= 1.55)) + 10
+    heading = np.unwrap(h)[0] + np.sign(np.unwrap(h)[end] - h[0]) * np.radians(40.0)
+    reach = 0.4 * np.hypot(x[end] - x[begin], y[end] - y[begin])
+    share = np.linspace(0.0, 1.0, 20)[:, None]
+    points = np.array(
+        [
+            (x[begin], y[begin]),
+            (x[begin] + reach * np.cos(heading), y[begin] + reach * np.sin(heading)),
+            (x[end] - reach * np.cos(h[end]), y[end] - reach * np.sin(h[end])),
+            (x[end], y[end]),
+        ]
+    )
+    weights = (1.0 - share) ** (3 - np.arange(4)) * share ** np.arange(4) * (1.0, 3.0, 3.0, 1.0)
+    shortcut = weights @ points
+    ego = track("ego", *np.concatenate([shortcut, np.column_stack([x, y])[end + 1 :]]).T)
+    ways = passages(prepare(Recording([ego], STEP, None), crossing, Rules()))
+    # By what the lane bends before it, the turn would be 56 degrees.
+    assert np.degrees(ways.turn) == pytest.approx([-72.0], abs=4.0)
+
+
 def test_a_slow_end_of_a_turn_that_the_record_cuts_is_none(crossing: Site) -> None:
     whole = car(crossing, "ES")
     left = np.degrees(1.5 * np.pi - np.unwrap(np.mod(whole.columns["h"], 2.0 * np.pi)))

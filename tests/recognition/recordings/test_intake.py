@@ -177,7 +177,7 @@ def test_an_id_used_twice_is_cut_and_told(tmp_path: Path) -> None:
     found, reasons, _ = verdict(tmp_path, rows)
     assert found == REPAIRED
     assert (
-        "1 tracks jump, their ids were used twice or their places are wrong: they are cut there"
+        "ids were used twice or places are wrong: tracks are cut where they jump, 1 in number"
         in reasons
     )
 
