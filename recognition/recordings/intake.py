@@ -284,8 +284,10 @@ def _step(rows: _RecordedRows, seconds: _Second, step: float) -> Check | None:
 def ratio_of_speeds(
     speed: FloatArray, here: IntArray, there: IntArray, time: FloatArray, way: FloatArray
 ) -> FloatArray:
-    """Speeds of the places over the mean of those stated at both ends of ways (n,)."""
-    stated = 0.5 * (speed[here] + speed[there])
+    """Speeds of the places over the mean of those stated in the rows of ways (n,)."""
+    # All rows count: under a wrong step, what is taken for a second is several, and speeds change.
+    total = np.concatenate([[0.0], np.cumsum(speed)])
+    stated = (total[there + 1] - total[here]) / (there - here + 1)
     # Stated speeds of 0 give a huge ratio, not a division by 0.
     return way / time / np.maximum(stated, 1e-6)
 

@@ -94,6 +94,10 @@ _LEVELS = 3
 """Number of parent folders of the tracks that are searched for maps."""
 
 
+_SPAN = 5
+"""Rows over which ways are compared with velocities"""
+_STEADY = 0.1
+"""Greatest change of velocities from row to row, as a share of them, of motion"""
 _DOUBT = 0.05
 """Share by which velocities that contradict the positions lower the quality"""
 
@@ -331,14 +335,25 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
 def _scaled(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
     """Whether velocities are those of the positions but for one factor, as with a wrong step: the
     intake names it."""
-    dx, dy = rate(x, rows), rate(y, rows)
-    first, last = rows.starts[:-1], rows.starts[1:] - 1
-    travelled = np.hypot(x[last] - x[first], y[last] - y[first]) >= MOVED
-    # noise of what stands has any factor to its speeds
-    speed = np.where(rows.each(travelled), np.hypot(dx, dy), 0.0)
-    moving = (speed >= MOVED) & (dx * vx + dy * vy > 0.0)
-    mostly = moving.sum() > 0.5 * (speed >= MOVED).sum()
-    return bool(mostly and one_factor(speed[moving] / np.hypot(vx[moving], vy[moving])) is not None)
+    # Over half a second of rows: from row to row, noise of places is as large as the way.
+    span = min(_SPAN, int((rows.last - np.arange(len(x))).max(initial=0)))
+    if not span:
+        return False
+    here = np.arange(len(x) - span)
+    here = here[rows.last[here] >= here + span]
+    dx, dy = x[here + span] - x[here], y[here + span] - y[here]
+    way, time = np.hypot(dx, dy), rows.time[here + span] - rows.time[here]
+    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (vx, vy)]
+    stated_x, stated_y = ((total[here + span] - total[here]) / span for total in sums)
+    moving = way >= MOVED
+    ahead = moving & (dx * stated_x + dy * stated_y > 0.0)
+    if 2 * ahead.sum() <= moving.sum():
+        return False
+    stated = np.hypot(stated_x, stated_y)[ahead]
+    # Velocities that change at random have one factor in the mean, and are of no use.
+    change = np.hypot(np.diff(vx), np.diff(vy))[here[ahead]]
+    steady = np.median(change) <= _STEADY * np.median(stated)
+    return bool(steady and one_factor((way / time)[ahead] / stated) is not None)
 
 
 def _headings(

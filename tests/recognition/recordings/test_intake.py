@@ -164,6 +164,26 @@ def test_missing_frames_lower_the_quality(tmp_path: Path) -> None:
     assert quality == pytest.approx(0.8, abs=0.02)
 
 
+@pytest.mark.parametrize("factor", [2, 5])
+def test_a_wrong_step_is_named_where_vehicles_brake_and_places_have_noise(
+    tmp_path: Path, factor: int
+) -> None:
+    # Speeds change within what is taken for a second, and row by row the noise is half the way.
+    noise, rows = np.random.default_rng(4), []
+    for number in range(6):
+        frames = np.arange(90)
+        speed = 5.0 + 4.0 * np.cos(0.06 * frames + number)
+        x = 10.0 + np.cumsum(0.1 * speed) + noise.normal(0.0, 0.1, 90)
+        rows += [
+            row | {"timestamp_ms": 100 // factor * frame, "x": x[frame], "vx": speed[frame]}
+            for frame, row in enumerate(
+                interaction_rows(number, 0.0, 8.0 * number, 0.0, 0.0, 0.0, 90)
+            )
+        ]
+    with pytest.raises(InvalidFile, match=r"a step of 0\.(1|09[5-9])\d* s would fit"):
+        source_of(tmp_path, rows).load()
+
+
 def test_an_id_used_twice_is_cut_and_told(tmp_path: Path) -> None:
     rows = [
         row
