@@ -15,7 +15,7 @@ from typing import NamedTuple
 from runner.exchange.exports import TARGETS
 from runner.exchange.exports.exporting import export_documents
 from runner.view.explore import NUMBER, WHOLE, Explored, ExploredParameter
-from schemas.common.errors import UsageError, nearest
+from schemas.common.errors import UsageError, guess, nearest
 from schemas.common.storage import keep, writing
 from schemas.common.terminal.files import LIBRARY, shipped
 from schemas.common.terminal.files import named as file_of
@@ -56,6 +56,7 @@ KINDS = {
     "action": _Kind("xosc.action", "action", ("coast.xosc",)),
     "condition": _Kind("xosc.condition", "condition", ("lane.xosc",)),
     "measure": _Kind("xosc.measure", "measure"),
+    "criterion": _Kind("xosc.criterion", "criterion"),
     "export": _Kind("xosc.export", "export"),
     "dataset": _Kind("xosc.dataset", "dataset"),
     "system": _Kind("xosc.sut", "system:Acme"),
@@ -91,7 +92,8 @@ def write_plugin(name: str, kinds: Sequence[str], folder: Path) -> list[Path]:
         )
     for kind in kinds:
         if kind not in KINDS:
-            raise UsageError(f"there is no kind {kind!r}; {nearest(kind, KINDS)}")
+            known = f"kinds: {', '.join(KINDS)}"
+            raise UsageError(f"there is no kind {kind!r}; {guess(kind, KINDS)}{known}")
     root = folder / name
     if root.exists():
         raise UsageError("there is something of this name already", path=root)

@@ -40,7 +40,7 @@ COMMANDS = {
     "run": "run scenarios and variation files on SUMO",
 }
 """Line of help of each command; `xosc run` is `xosc-run`"""
-EXTENSIONS = ("action", "condition", "measure", "export", "dataset", "system")
+EXTENSIONS = ("action", "condition", "measure", "criterion", "export", "dataset", "system")
 """Kinds that `xosc new plugin` has a template of"""
 SHELLS = ("bash", "zsh", "fish", "powershell")
 

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+import runner
 from runner.engine.compile.element import EntityCondition
 from runner.engine.compile.registry import condition
+from runner.judging.criteria.criterion import CriterionKind, kinds
 from runner.judging.measures.criticality import Criticality, criticality
 from runner.judging.measures.measure import ALWAYS, RunMeasure
 from schemas.common.errors import ExitCode, UsageError, describe
@@ -93,7 +95,7 @@ def test_each_kind_works_by_its_name(project: Path, site: Path) -> None:
     quiet = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist")
     done = call(site, project, "-m", "pytest", *quiet, "tests")
     assert done.returncode == 0, done.stdout
-    assert "8 passed" in done.stdout
+    assert "10 passed" in done.stdout
 
 
 def test_commands_know_them_unless_files_are_untrusted(site: Path, tmp_path: Path) -> None:
@@ -101,6 +103,7 @@ def test_commands_know_them_unless_files_are_untrusted(site: Path, tmp_path: Pat
 import sys
 from runner.exchange.exports import target_lines, target_of
 from runner.judging.measures.measure import measures
+from runner.judging.criteria.criterion import kinds
 from runner.engine.compile.registry import action
 from runner.systems import load_system, systems
 from recognition import recordings
@@ -111,6 +114,7 @@ def known():
     action.load()
     yield "LabKitCoastAction" in action.classes
     yield "lab_kit_tet" in measures()
+    yield "labkitcomforttest" in kinds()
     for ask in (
         lambda: target_of("lab_kit"),
         lambda: load_system("lab_kit"),
@@ -129,8 +133,8 @@ print(("lab_kit", "plug-in", "of lab_kit.export, installed by pip") in target_li
 """
     done = call(site, tmp_path, "-c", code)
     assert done.stdout.splitlines() == [
-        f"{[False] * 5} []",
-        f"{[True] * 5}",
+        f"{[False] * 6} []",
+        f"{[True] * 6}",
         "False",
         "True of lab_kit.system, installed by pip",
     ], done.stderr
@@ -170,10 +174,17 @@ FAULTS = {
         "measure(MinTimeToCollision)",
         "takes a name in use: the measure min_ttc is registered by",
     ),
+    "a criterion of ours": (
+        "xosc.criterion",
+        "from runner.judging.criteria.criterion import criterion\n"
+        "criterion('collisiontest', unit='1', summary='mine')(print)",
+        "takes a name in use: the criterion collisiontest is registered by runner.judging.criteria",
+    ),
 }
 ASK = {
     "xosc.action": "from runner.engine.compile.registry import action; action.load()",
     "xosc.measure": "from runner.judging.measures.measure import measures; measures()",
+    "xosc.criterion": "from runner.judging.criteria.criterion import kinds; kinds()",
     "xosc.export": "from runner.exchange.exports import target_of; target_of('bad')",
     "xosc.dataset": "from recognition import recordings; recordings.open('.').sources",
     "xosc.sut": "from runner.systems import load_system; load_system('cas')",
@@ -259,6 +270,34 @@ def test_a_measure_that_fails_is_told_by_its_name() -> None:
 
     with pytest.raises(UsageError, match=r"the measure odd \(.*test_plugin\) failed: KeyError"):
         Odd().result(None)
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [("1 / 0", r"ZeroDivisionError: .* \(.*lab_criteria\.py:4\)"), ("None", "it returned None")],
+)
+def test_a_criterion_that_fails_is_told_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str, reason: str
+) -> None:
+    (tmp_path / "lab_criteria.py").write_text(
+        "from runner.judging.criteria.criterion import criterion\n"
+        "@criterion('OddTest', unit='1', summary='odd')\n"
+        "def odd(drive):\n"
+        f"    return {answer}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "lab_criteria", raising=False)
+    kinds()
+    with monkeypatch.context() as patch:
+        patch.setattr("runner.judging.criteria.criterion._registered", {})
+        load(EntryPoint("lab", "lab_criteria", "xosc.criterion"))
+        module = sys.modules["lab_criteria"]
+    kind = CriterionKind("OddTest", "1", "odd", {}, False, module.odd)
+    monkeypatch.setattr("runner.judging.criteria.criterion._of_plugins", lambda: {"oddtest": kind})
+    with pytest.raises(
+        UsageError, match=rf"the criterion OddTest \(lab_criteria\) failed: {reason}"
+    ):
+        runner.run(CUT_IN, sut=None, world="kinematic", max_time=1.0, fail_if=("OddTest",))
 
 
 def test_an_error_below_the_code_of_a_plug_in_is_told_with_its_line(
@@ -356,6 +395,8 @@ def test_the_template_is_written_once(command: Command, tmp_path: Path) -> None:
     refused = command(*new, "other", "--kind", "mesure", "--out", tmp_path)
     assert refused.code == 2 and "measure" in refused.err
     assert tuple(KINDS) == EXTENSIONS
+    strange = command(*new, "other", "--kind", "rule", "--out", tmp_path)
+    assert strange.code == 2 and f"'rule'; kinds: {', '.join(KINDS)}" in strange.err
 
 
 def test_metadata_in_the_working_folder_is_none_of_a_package(

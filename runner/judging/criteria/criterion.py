@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from schemas.common.errors import guess
+from schemas.common.errors import UsageError, blame, guess
 from schemas.common.packages import load
+from schemas.common.plugins import NameTaken
+from schemas.common.plugins import register as register_plugins
+from schemas.common.policy import current
 from xosc.document.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:
@@ -187,9 +190,16 @@ def criterion(
     parameters: dict[str, float | None] | None = None,
     on_roads: bool = False,
 ) -> Callable[[_Evaluate], _Evaluate]:
-    """Register a function of a drive as a criterion; arguments as in `CriterionKind`."""
+    """Register a function of a drive as a criterion; arguments as in `CriterionKind`.
+
+    Raises:
+        NameTaken: there is one of that name.
+    """
 
     def register(evaluate: _Evaluate) -> _Evaluate:
+        if name.casefold() in _registered:
+            home = _registered[name.casefold()].evaluate.__module__
+            raise NameTaken(f"the criterion {name} is registered by {home}")
         _registered[name.casefold()] = CriterionKind(
             name, unit, summary, parameters or {}, on_roads, evaluate
         )
@@ -199,11 +209,30 @@ def criterion(
 
 
 @cache
-def kinds() -> dict[str, CriterionKind]:
-    """All criteria by their name in lower case: scenario_runner's documentation and its code differ
-    in letters."""
+def _own() -> dict[str, CriterionKind]:
+    """Criteria of the folder `kinds`."""
     load("runner.judging.criteria.kinds")
     return dict(sorted(_registered.items()))
+
+
+@cache
+def _of_plugins() -> dict[str, CriterionKind]:
+    """Criteria of installed packages."""
+    own = _own()
+    register_plugins(
+        "xosc.criterion", lambda: [kind.evaluate.__module__ for kind in _registered.values()]
+    )
+    return {name: kind for name, kind in sorted(_registered.items()) if name not in own}
+
+
+def kinds() -> dict[str, CriterionKind]:
+    """All criteria by their name in lower case: scenario_runner's documentation and its code differ
+    in letters.
+
+    Packages name modules of criteria by the entry-point group `xosc.criterion`. --untrusted leaves
+    them out.
+    """
+    return _own() if current().untrusted else {**_own(), **_of_plugins()}
 
 
 def intervals(holds: np.ndarray) -> list[tuple[int, int]]:
@@ -304,7 +333,28 @@ def _find(
     drive = Drive(track, recording, mine, lights, criterion.delay)
     if not len(drive.columns["time"]):
         return CriterionFinding(None, None, f"{name} was not there after {criterion.delay:g} s")
-    return kind.evaluate(drive, **criterion.parameters)
+    return _evaluated(kind, drive, criterion.parameters)
+
+
+def _evaluated(
+    kind: CriterionKind, drive: Drive, values: Mapping[str, float | None]
+) -> CriterionFinding:
+    """A kind's finding on a drive.
+
+    Raises:
+        UsageError: the criterion of an installed package failed.
+    """
+    module = kind.evaluate.__module__
+    told = f"the criterion {kind.name} ({module}) failed"
+    try:
+        finding = kind.evaluate(drive, **values)
+    except Exception as error:
+        if kind.name.casefold() in _own():
+            raise  # a defect of ours
+        raise UsageError(f"{told}: {blame(error, module)}") from error
+    if not isinstance(finding, CriterionFinding):
+        raise UsageError(f"{told}: it returned {finding!r}, no CriterionFinding")
+    return finding
 
 
 def light_states(events: Iterable[tuple[float, str, str]]) -> Mapping[str, list[tuple[float, str]]]:
