@@ -207,6 +207,10 @@ def vehicles(
 def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iterator[str]:
     columns = track.columns
     time, (x, y) = columns["time"], centre(track)
+    # A declared participant that never appears has a track without rows.
+    if not len(time):
+        yield "never recorded"
+        return
     # The checks below need rows to compare.
     if time[-1] - time[0] < needs.duration:
         yield f"recorded for {time[-1] - time[0]:.1f} s only"

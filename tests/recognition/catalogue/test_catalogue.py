@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shutil import copytree
@@ -395,6 +396,19 @@ def test_reasons_against_a_vehicle(recordings: Path) -> None:
     )
     assert "not recorded for 0.0 s in between" in reasons["1"]
     assert "moves within" in reasons["6"] and "jumps" not in reasons["6"]
+
+
+def test_a_vehicle_without_rows_is_no_ego(recordings: Path) -> None:
+    (source,) = open_recordings(recordings).sources
+    recording = source.load()
+    assert recording.network is not None
+    track = recording.tracks["5"]
+    absent = replace(
+        track, read=lambda: {name: values[:0] for name, values in track.columns.items()}
+    )
+    alone = Recording([absent], recording.timestep, recording.network)
+    names, (exclusion,) = vehicles(alone, recording.network, EgoRequirements())
+    assert (names, exclusion.rows, exclusion.reason) == ([], 0, "never recorded")
 
 
 def test_every_scenario_was_played_and_is_near_its_raw_places(made: Path) -> None:
