@@ -107,8 +107,8 @@ def _compared(folder: Path, sut: str, sets: int) -> tuple[int, int]:
 @pytest.mark.parametrize("sut", ["none", "cas", "adas", "r157-cc"])
 def test_library_files_are_played_as_by_the_interpreter(sut: str) -> None:
     print(f"seed {WEEK}")
-    reached, compared = _compared(LIBRARY, sut, 8)
-    assert reached >= 104 and compared >= 3 * reached  # what arrays leave varies with the draw
+    reached, compared = _compared(LIBRARY, sut, 4)
+    assert reached >= 104 and compared >= 1.5 * reached  # what arrays leave varies with the draw
 
 
 @pytest.mark.slow
@@ -118,7 +118,7 @@ def test_public_files_are_played_as_by_the_interpreter(
     sut: str, folder: str, files: int, corpora: Path
 ) -> None:
     print(f"seed {WEEK}")
-    reached, compared = _compared(corpora / folder, sut, 6)
+    reached, compared = _compared(corpora / folder, sut, 2)
     assert reached >= files and compared >= files
 
 

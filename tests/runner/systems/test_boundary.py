@@ -203,7 +203,7 @@ FAILURES = {
     "Unclosed": r"ValueError: still open",
     "ExitAtEnd": "its process ended with code 0",
     "ExitAtReset": "SystemExit",
-    "NoNumbers": "TypeError: must be real number, not str",
+    "NoNumbers": r"TypeError: control\(\) returned .*, numbers are expected",
     "NoText": "a text is expected as reason",
     "Memory": "MemoryError.*: this takes more memory than there is",
 }
