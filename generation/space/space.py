@@ -483,6 +483,12 @@ def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
             )
     if not low < high:
         raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
+    # Doubles of the standard may be INF.
+    if not np.isfinite([low, high]).all():
+        raise declaration.unsupported(
+            f"the parameter {name} has an infinite limit: --free {name}=LOW..HIGH gives it finite "
+            f"ones, --pin {name}=VALUE a value"
+        )
     short = name.partition("_")[2]
     meaning = next(
         (parameter.meaning for parameter in DECLARED.values() if parameter.name == short), ""

@@ -156,10 +156,11 @@ def test_limits_may_be_expressions_and_exclusive(tmp_path: Path) -> None:
         ),
         ([[("greaterThan", 0.0), ("lessThan", 1.0), ("notEqualTo", 0.5)]], Unsupported),
         ([[("greaterThan", 3.0), ("lessThan", 1.0)]], InvalidFile),
+        ([[("greaterThan", 0.0), ("lessThan", "INF")]], Unsupported),
     ],
 )
 def test_what_is_no_interval_is_refused(
-    tmp_path: Path, groups: list[list[tuple[str, float]]], error: type[ToolchainError]
+    tmp_path: Path, groups: list[list[tuple[str, float | str]]], error: type[ToolchainError]
 ) -> None:
     with pytest.raises(error, match="A_Speed_mps"):
         Space.of(
