@@ -13,6 +13,7 @@ import numpy as np
 from generation.space.density.prior import FORESEEABLE, Prior
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
+from schemas.common.terminal.text import finite_number
 from schemas.expressions import literal
 from xosc.distributions import (
     DistributionRange,
@@ -318,9 +319,9 @@ def _set(of: DistributionSet, name: str) -> Marginal | str:
 
 def _listed(values: list[str], weights: list[float], name: str) -> Marginal | str:
     """Numbers as choices; words as categories of the parameter of that name."""
-    try:
-        numbers = [float(value) for value in values]
-    except ValueError:
+    # A word may read as infinity or NaN, between which and a number nothing can be searched.
+    numbers = [number for value in values if (number := finite_number(value)) is not None]
+    if len(numbers) < len(values):
         return categories([{name: value} for value in values], weights) or values[0]
     return _chosen(numbers, weights, values, name) if len(set(numbers)) > 1 else values[0]
 

@@ -150,6 +150,11 @@ def test_a_bin_without_width_has_no_density() -> None:
     assert density(Histogram((wide, none))).log_density(np.array([0.5])) == pytest.approx(0.0)
 
 
+def test_words_that_read_as_no_finite_number_are_categories() -> None:
+    found = density(DistributionSet(("inf", "1", "nan")))
+    assert (found.choices, dict(found.follows[2.0])) == ((0.0, 1.0, 2.0), {"P": "nan"})
+
+
 def test_counts_beyond_number_are_refused_before_they_are_listed() -> None:
     with pytest.raises(UsageError, match="2000000001 counts has more than can be searched"):
         marginal(PoissonDistribution(10.0, Range(0.0, 2e9)), "P")
