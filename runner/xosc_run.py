@@ -109,21 +109,51 @@ def xosc_run(
                 "sets are played in arrays, kinematically: passed means so there; "
                 "failures and nearest misses are run on SUMO"
             )
-        outcomes, together = _outcomes(chosen, settings, batch, also, table, in_arrays)
+        limit = _FailureLimit(batch.maxfail, source)
+        outcomes, together = _outcomes(chosen, settings, batch, also, table, in_arrays, limit)
         outcomes = _counted(outcomes, work)
-        code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
+        code = _follow(outcomes, table, kept, batch, source.left_out, earlier, limit)
         if together is not None and together.contradicted:
             code = gravest([code, ExitCode.INTERNAL])
+        if limit.stopped and (left := source.planned - table.shown):
+            goes_on = "" if batch.out is None else "; --resume goes on"
+            told = f"stopped by --maxfail: {left} of {many(source.planned, 'run')} left{goes_on}"
+            print(f"xosc-run: {told}", file=sys.stderr)
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
         if batch.dry_run and table.shown > 1:
             table.tell(f"without --dry-run: {many(source.made, 'run')}")
-        if not batch.dry_run and table.shown != source.made:
+        if not batch.dry_run and not limit.stopped and table.shown != source.made:
             told = f"{table.shown} outcomes of {source.made} runs"
             print(f"xosc-run: internal error: {told}", file=sys.stderr)
             code = ExitCode.INTERNAL
     _tell_results(batch, settings, table, earlier)
     raise typer.Exit(code)
+
+
+class _FailureLimit:
+    """Stops a batch after so many failures and errors of its own; those of runs that an earlier
+    call has done are known.
+
+    Args:
+        most: how many; None for no limit. jobs: of the batch.
+    """
+
+    def __init__(self, most: int | None, jobs: Jobs) -> None:
+        self._most, self._jobs = most, jobs
+        self._failures, self._known, self.stopped = 0, set[str](), False
+
+    def know(self, outcome: Outcome) -> None:
+        """Leave out the outcome of a run that was done before."""
+        if self._most is not None and outcome.state in ("failed", "error"):
+            self._known.add(outcome.job.name)
+
+    def reached(self, outcome: Outcome) -> bool:
+        """Count an outcome; whether it is the last one."""
+        if outcome.state in ("failed", "error") and outcome.job.name not in self._known:
+            self._failures += 1
+        self.stopped = self._jobs.stopped = self._failures == self._most
+        return self.stopped
 
 
 def _chosen(source: Jobs, batch: BatchOptions) -> Iterable[Job | Outcome]:
@@ -142,6 +172,7 @@ def _outcomes(
     also: Sequence[Also],
     table: OutcomeTable,
     in_arrays: bool,
+    limit: _FailureLimit,
 ) -> tuple[Generator[Outcome], Together | None]:
     """Return the outcomes of jobs, which are run, or only rehearsed, and what plays them in arrays,
     which tells what it leaves out."""
@@ -167,6 +198,7 @@ def _outcomes(
         also=also,
         contacts=not batch.quiet,  # a quiet table does not name the worst ones
         ray=batch.ray,
+        known=limit.know,
     )
     return (outcomes if together is None else together.checked(outcomes)), together
 
@@ -271,9 +303,10 @@ def _follow(
     batch: BatchOptions,
     left_out: Mapping[Path, int],
     earlier: BatchComparison | None,
+    limit: _FailureLimit,
 ) -> int:
-    """Show outcomes as they come, keep and compare them if asked to; the exit code, by new failures
-    only if asked to."""
+    """Show outcomes as they come, up to the limit, keep and compare them if asked to; the exit
+    code, by new failures only if asked to."""
     codes = {ExitCode.PASSED}
     allowed = {ExitCode.INCONCLUSIVE} if batch.allow_inconclusive else set()
     only_new = NEW_FAILURE in batch.limits
@@ -285,14 +318,17 @@ def _follow(
                 if earlier is not None:
                     earlier.add(outcome)
                 code = ExitCode(outcome.exit_code)
-                if not (
+                counts = not (
                     only_new
                     and code == ExitCode.FINDING
                     and earlier is not None
                     and earlier.known(outcome)
-                ):
+                )
+                if counts:
                     codes.add(code)
                 table.show(outcome)
+                if counts and limit.reached(outcome):
+                    break
         table.close(left_out)
     return gravest(codes - allowed)
 

@@ -115,6 +115,7 @@ def run_batch(
     needs: Sequence[str] = (),
     contacts: bool = True,
     tell: Callable[[str], None] = print_line,
+    known: Callable[[Outcome], object] = lambda outcome: None,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
@@ -126,7 +127,7 @@ def run_batch(
     without that, or without one of the files that `needs` names, are repeated too. Each of `also`
     gets the result of every run that is done, in the process that has done it. Without `contacts`
     outcomes of a batch without a folder have no `impact`. `tell` is called with a line about
-    finished runs that are repeated.
+    finished runs that are repeated, `known` with each outcome that is taken from the journal.
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see
     `runner.batch.outputs.tables`). `ray` is the address of a Ray cluster that does the runs, or
@@ -161,10 +162,13 @@ def run_batch(
         ended = WorkDone(jobs)
 
         # Lazily: jobs of a large space are never all in memory.
-        def known() -> Iterator[Job | Outcome]:
+        def asked() -> Iterator[Job | Outcome]:
             for job in jobs:
                 if isinstance(job, Job):
-                    yield _finished(job, kept.done, believed) or job
+                    finished = _finished(job, kept.done, believed)
+                    if finished is not None:
+                        known(finished)
+                    yield finished or job
                     continue
                 if job.state == "error":
                     without_job.append(job)
@@ -172,7 +176,7 @@ def run_batch(
 
         with (
             _concluded(out, kept, without_job, ended),
-            closing(_outcomes(known(), work, processes, ray, kept.enter)) as outcomes,
+            closing(_outcomes(asked(), work, processes, ray, kept.enter)) as outcomes,
         ):
             for outcome in outcomes:
                 ended.add(outcome)

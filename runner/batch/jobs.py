@@ -182,6 +182,8 @@ class Jobs:
     Attributes:
         left_out: number of parameter sets of each file that violate constraints, once the file's
             jobs have been made.
+        made: number of jobs that have been made.
+        stopped: whether the batch has ended before all of them.
     """
 
     def __init__(
@@ -201,7 +203,7 @@ class Jobs:
         )
         self._spaces: dict[Path, ParameterSpace] = {}
         self.left_out: dict[Path, int] = {}
-        self.made = 0
+        self.made, self.stopped = 0, False
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         for job in self._all():
@@ -228,6 +230,11 @@ class Jobs:
         # Names are those of this batch's files: `~` leads on to sets and seeds.
         names = [name for name, path in self._files if path == job.source]
         return any(job.name == name or job.name.startswith(f"{name}~") for name in names)
+
+    @property
+    def planned(self) -> int:
+        """Number of jobs: of those that have been made, and of all where the batch was stopped."""
+        return self.total if self.stopped else self.made
 
     @property
     def total(self) -> int:

@@ -70,6 +70,9 @@ class BatchOptions:
     repeat: int | None = option(
         None, "Run everything N times, with seeds that count up from --seed.", min=1, metavar="N"
     )
+    maxfail: int | None = option(
+        None, "Stop after N runs that fail or end with an error.", min=1, metavar="N"
+    )
     fail_if: tuple[str, ...] = option(
         (),
         "Fail runs by a measure, as min_ttc<1 (see docs/reference/measures.md), or by "
@@ -81,7 +84,7 @@ class BatchOptions:
     )
     out: Path | None = option(
         None,
-        "Folder for trajectories, event log and result of each run.",
+        "Folder for each run's trajectories, log and result.",
         metavar="DIR",
         callback=writable_folder,
     )
@@ -187,6 +190,8 @@ class BatchOptions:
             )
         if self.in_arrays and self.dry_run:
             raise UsageError("--batch plays parameter sets, and --dry-run plays nothing")
+        if self.maxfail is not None and self.dry_run:
+            raise UsageError("--maxfail stops runs, and --dry-run has none")
         self._check_comparison()
         self._check_reports()
 

@@ -382,6 +382,29 @@ def test_verbose_prints_tracebacks(xosc_run: Command, tmp_path: Path, passing: P
         assert answer.err.splitlines()[-1].startswith("xosc-run: ")
 
 
+@pytest.mark.parametrize("how", [(), ("--jobs", 2), ("--batch",)])
+def test_a_batch_stops_after_so_many_failures_and_is_resumed(
+    xosc_run: Command, tmp_path: Path, how: tuple[str | int, ...]
+) -> None:
+    scenario(tmp_path, "scenario", init=place("Ego", 100, 20) + place("Lead", 103, 20), stop=0.2)
+    variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10)})
+    out = ("--out", tmp_path / "out")
+    stopped = xosc_run(variation, "--maxfail", 2, *out, *how)
+    assert stopped.code == 1 and stopped.out.count("FAILED  ") == 2
+    assert "xosc-run: stopped by --maxfail: 4 of 6 runs left; --resume goes on" in stopped.err
+    assert "planned and done: files 1 of 1, runs 2 of 6, tested 2 of 6" in stopped.out
+    again = xosc_run(variation, "--maxfail", 2, *out, "--resume", "-q")
+    assert again.code == 1
+    # Other processes may have done more before the stop, which are known from then on.
+    assert "--jobs" in how or "stopped by --maxfail: 2 of 6 runs" in again.err, "quiet, too"
+    whole = xosc_run(variation, "--maxfail", 7, *out, "--resume")
+    assert whole.code == 1 and "6 runs: 6 failed" in whole.out and "maxfail" not in whole.err
+    last = xosc_run(variation, "--maxfail", 6)
+    assert "runs 6 of 6" in last.out and "maxfail" not in last.err, "nothing is left"
+    refused = xosc_run(variation, "--maxfail", 2, "--dry-run")
+    assert refused.code == 2 and "--dry-run has none" in refused.err
+
+
 def test_a_batch_is_resumed(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
     out = tmp_path / "out"
     first = xosc_run(passing, "--out", out)

@@ -49,7 +49,7 @@ class WorkDone:
         """
         # Files are planned from the start; runs of an interrupted batch are those it came to.
         files = len(self._jobs.sources) if self._jobs is not None else len(self._seen)
-        runs = self._jobs.made if self._jobs is not None else self.total
+        runs = self._jobs.planned if self._jobs is not None else self.total
         tested = self._states["passed"] + self._states["failed"]
         return [
             {"name": "files", "planned": files, "done": len(self._seen - self._broken)},
