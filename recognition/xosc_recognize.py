@@ -351,7 +351,8 @@ def _print_skipped(files: list[Path], quiet: bool) -> None:
     if files and not quiet:
         from recognition.recordings.source import named
 
-        say(f"{NAME}: {len(files)} files are of no known format: {named(files)}", to=sys.stderr)
+        count = "a file is" if len(files) == 1 else f"{len(files)} files are"
+        say(f"{NAME}: {count} of no known format: {named(files)}", to=sys.stderr)
 
 
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:

@@ -420,10 +420,10 @@ def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArra
 
 def spread(scene: Scene, flags: BoolArray, group: IntArray, seconds: float, most: int) -> IntArray:
     """Rows that stand for the stays in which a flag holds within one group: the middle of each, or
-    of equal parts of at most `seconds`; at most so many of a track, the first."""
+    of equal parts of `seconds` or more; at most so many of a track, the first."""
     start, size = stays(np.where(flags, group, ABSENT), scene.first)
     inside = flags[start]
-    parts = 1 + size[inside] // scene.rows(seconds)
+    parts = np.maximum(size[inside] // scene.rows(seconds), 1)
     chosen = [
         begin + (2 * part + 1) * length // (2 * number)
         for begin, length, number in zip(

@@ -117,6 +117,15 @@ def test_each_lead_is_followed_apart(motorway: Site) -> None:
     assert following == [(Label.CAR_FOLLOWING, "first"), (Label.CAR_FOLLOWING, "second")]
 
 
+@pytest.mark.parametrize(("seconds", "times"), [(9.0, [4.5]), (18.0, [5.2, 12.8])])
+def test_following_is_one_event_in_its_middle_or_several_far_apart(
+    motorway: Site, seconds: float, times: list[float]
+) -> None:
+    lead, ego = (track(n, ahead(x, 30, seconds), MIDDLE) for n, x in (("lead", 140), ("ego", 100)))
+    found = [event.time for event in labels(motorway, ego, lead) if event.ego == "ego"]
+    assert found == pytest.approx(times, abs=0.15)
+
+
 def test_a_short_time_behind_each_of_two_leads_is_no_following(motorway: Site) -> None:
     first = track("first", ahead(140, 30, 2.5), MIDDLE)
     second = track("second", ahead(215, 30, 2.5), MIDDLE, start=2.6)
