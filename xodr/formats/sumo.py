@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -275,10 +276,10 @@ def _of_one_width(roads: RoadNetwork, track: LaneTrack, width: float) -> bool:
     ):
         return False
     low, high = sorted((track.start, track.end))
-    places = {
-        *np.linspace(low, high, 9).tolist(),
-        *(s for s in lane.width.starts if low < s < high),
-    }
+    # Within each record: a bay that begins and ends is level where its records meet.
+    starts = {*lane.width.starts, *lane.center.starts}
+    records = pairwise(sorted({low, high, *(s for s in starts if low < s < high)}))
+    places = [s for begin, end in records for s in np.linspace(begin, end, 9).tolist()]
     # A lane that leads away from the reference line is narrower than along that line's normals.
     turns = {
         s: math.atan2(lane.center.slope(s), 1.0 - road.curvature(s) * lane.center(s))

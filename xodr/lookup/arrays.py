@@ -332,6 +332,7 @@ def section_stations(
         return found
     places = {s: _across(road, borders, s) for s in found.tolist()}
     pending = list(pairwise(found.tolist()))
+    records = set(pending)
     while pending:
         low, high = pending.pop()
         middle = 0.5 * (low + high)
@@ -339,13 +340,26 @@ def section_stations(
         if high - low < _FINEST:
             continue
         places[middle] = _across(road, borders, middle)
-        away = np.linalg.norm(places[middle] - 0.5 * (places[low] + places[high]), axis=1)
-        if away.max() > error:
+        chord = places[low], places[high]
+        away = _off(places[middle], chord, 0.5)
+        if away <= error and (low, high) in records:
+            # The middle of a bend and its counterbend lies on the line between their ends.
+            away = max(
+                _off(_across(road, borders, low + share * (high - low)), chord, share)
+                for share in (0.25, 0.75)
+            )
+        if away > error:
             pending += [(low, middle), (middle, high)]
         else:
             # Straight enough without it.
             del places[middle]
     return np.array(sorted(places))
+
+
+def _off(places: Points, chord: tuple[Points, Points], share: float) -> float:
+    """Largest distance (m) of places from those at a share of chords."""
+    straight = (1.0 - share) * chord[0] + share * chord[1]
+    return float(np.linalg.norm(places - straight, axis=1).max())
 
 
 def _across(road: Road, borders: list[Profile], s: float) -> Points:

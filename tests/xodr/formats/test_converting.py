@@ -688,15 +688,44 @@ def test_a_border_that_is_short_as_it_is_written_is_left_out_by_name(tmp_path: P
     assert notes[0].startswith("lanes are left out") and b"lanelet" not in content
 
 
-def test_a_lane_away_from_its_road_comes_back_from_a_network(tmp_path: Path) -> None:
+SHIFT = (Cubic(0.0, 0.0, 0.0, 0.012, -0.00016), Cubic(50.0, 10.0, 0.0, 0.0, 0.0))
+BAY = (
+    Cubic(0.0, 0.0, 0.0, 0.15, -0.01), Cubic(10.0, 5.0, 0.0, 0.0, 0.0),
+    Cubic(70.0, 5.0, 0.0, -0.15, 0.01),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["shift", "bay"])
+def test_a_lane_away_from_its_road_comes_back_from_a_network(kind: str, tmp_path: Path) -> None:
     """Its width is along the normals of the road, that of SUMO across the lane."""
-    shift = (Cubic(0.0, 0.0, 0.0, 0.012, -0.00016), Cubic(50.0, 10.0, 0.0, 0.0, 0.0))
-    made = one_road((arc(100.0, 0.0),), False, 0.0)
-    made = replace(made, roads=(replace(made.roads[0], offset=shift),))
-    there = maps.convert(made.write(tmp_path / "shift.xodr"), tmp_path / "map.net.xml")
+    bare = one_road((arc(80.0, 0.0),), False, 0.0).roads[0]
+    lanes = dict(bare.sections[0].lanes)
+    lanes[-1] = replace(lanes[-1], width=BAY if kind == "bay" else lanes[-1].width)
+    section = replace(bare.sections[0], lanes=lanes)
+    road = replace(bare, sections=(section,), offset=SHIFT if kind == "shift" else ())
+    there = maps.convert(
+        RoadMap("away", (road,)).write(tmp_path / "a.xodr"), tmp_path / "a.net.xml"
+    )
     back = maps.convert(there.path, tmp_path / "back.xodr")
     difference = compare(there.source, back.result)
-    assert difference.within == 1.0 and difference.borders.largest < 0.04
+    assert there.difference.within == 1.0 and difference.within > 0.98
+    assert there.difference.borders.largest < 0.04
+
+
+@pytest.mark.parametrize("between", ["lanelet2", "geojson", "commonroad"])
+def test_a_lane_that_opens_by_a_bend_and_its_counterbend_is_sampled_along_both(
+    between: str, tmp_path: Path
+) -> None:
+    """The middle of such a border lies on the line between its ends, which was taken for it."""
+    bare = one_road((arc(80.0, 0.0),), False, 0.0).roads[0]
+    lanes = {-1: replace(bare.sections[0].lanes[-1], width=BAY)}
+    road = replace(bare, sections=(replace(bare.sections[0], lanes=lanes),))
+    source = RoadMap("bay", (road,)).write(tmp_path / "bay.xodr")
+    made = maps.convert(source, tmp_path / ENDINGS[between])
+    right = next(iter(made.result.lanes.values())).right
+    at = np.array([2.0, 5.0, 8.0])
+    wide = 0.15 * at**2 - 0.01 * at**3
+    assert np.interp(at, right[:, 0], -right[:, 1]) == pytest.approx(wide, abs=0.02)
 
 
 def test_a_median_beside_shoulders_gets_no_lane_before_it(tmp_path: Path) -> None:
@@ -955,6 +984,19 @@ def test_lanes_whose_ends_lie_apart_are_linked_up_to_a_metre(
     lost = compare(made, maps.read_map(tmp_path / "map.osm")).connections_lost
     assert lost == ([] if linked else [(lane.id, lane.successors[0])])
     assert any("their lanes end more than 1 m apart" in note for note in notes) is not linked
+
+
+def test_a_long_border_whose_end_is_moved_turns_in_its_last_metres(tmp_path: Path) -> None:
+    """All 80 m of it turned, and two thirds of the lanes of an intersection were elsewhere."""
+    made = maps.read_map(LIBRARY / "intersection_four_way.xodr")
+    lane = next(
+        lane for lane in made.lanes.values() if lane.length > 40.0 and len(lane.successors) == 3
+    )
+    lane.right[-1, :2] += 0.9 * (lane.left[-1] - lane.right[-1])[:2] / 3.5
+    content, _ = lanelet2_lanes.write(made)
+    (tmp_path / "map.osm").write_bytes(content)
+    difference = compare(made, maps.read_map(tmp_path / "map.osm"))
+    assert difference.connections_lost == [] and difference.within > 0.97
 
 
 def test_a_network_of_places_that_are_no_numbers_is_not_driven(

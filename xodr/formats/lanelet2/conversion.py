@@ -222,7 +222,10 @@ def _cubics(form: RoadShape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
     kept: list[Cubic] = []
     for s, row in zip(form.s, coefficients, strict=True):
         piece = Cubic(float(s), *map(float, row))
-        if not kept or not np.allclose(_continued(kept[-1], piece.start), piece[1:], 0.0, _SAME):
+        if not kept or not all(
+            abs(before - after) <= _SAME
+            for before, after in zip(_continued(kept[-1], piece.start), piece[1:], strict=True)
+        ):
             kept.append(piece)
     return tuple(kept)
 

@@ -34,6 +34,8 @@ from xodr.formats.maps.lane_map import (
     MapPole,
     MapSignal,
     MapStopLine,
+    at_lengths,
+    gone,
     heights_on,
     sides_of,
     with_area,
@@ -42,6 +44,8 @@ from xodr.formats.maps.projecting import Projector
 
 _NEAR = 0.02
 """Points nearer to each other than this (m) are one node."""
+_TURNED = 2.0
+"""Length (m) of a border that turns where its end is moved."""
 _DECIMALS = 4
 """Decimals of local coordinates"""
 _GAP = 1.0
@@ -303,10 +307,18 @@ def _joined_ends(
 def _with_ends(
     line: FloatArray, ends: dict[tuple[str, str, int], FloatArray], key: tuple[str, str]
 ) -> FloatArray:
-    moved = line.copy()
+    """A border with its ends moved; of a long stretch beside an end only the last metres turn."""
+    moved, length = line.copy(), gone(line)[-1]
     for at in (0, -1):
-        if (*key, at) in ends:
-            moved[at] = ends[*key, at]
+        goal = ends.get((*key, at))
+        if goal is None:
+            continue
+        if np.linalg.norm(goal - moved[at]) > _NEAR and length > 2.0 * _TURNED:
+            inner = gone(moved)
+            away = _TURNED if at == 0 else inner[-1] - _TURNED
+            place = int(np.searchsorted(inner, away))
+            moved = np.insert(moved, place, at_lengths(moved, np.array([away])), axis=0)
+        moved[at] = goal
     return moved
 
 
