@@ -26,6 +26,8 @@ _TAIL = 0.025
 """Share outside of an interval of 95 % on each side"""
 _NORMAL = 1.959964
 """Quantile of the normal distribution that leaves 2.5 % above"""
+_MOST_SPREAD = 700.0
+"""Logarithm from which on an interval is all from 0 to 1; e to it is still a double"""
 
 
 class Probability(NamedTuple):
@@ -68,7 +70,8 @@ class Probability(NamedTuple):
             # Plays may take away as much as fails in runs: these then bound it, not their absence.
             alone = 0.0 if self.counted_alone is None else self.counted_alone[1]
             return 0.0, min(max(self.bound, alone), 1.0)
-        factor = math.exp(_NORMAL * self.spread)
+        away = _NORMAL * self.spread
+        factor = math.exp(away) if away < _MOST_SPREAD else math.inf
         low, high = self.value / factor, self.value * factor
         if self.counted_alone is not None:
             # Plays may be wrong in this part, and few draws of it are run: both have to be inside.
@@ -286,7 +289,9 @@ def density_spread(ratios: FloatArray, weights: FloatArray) -> float:
     if not ratios.size:
         return 0.0
     # The logarithm of the sum, not the mean of logarithms: a density moves the estimate as a whole.
-    return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
+    sums = np.exp(np.minimum(ratios, _GREATEST)) @ weights
+    # A density without the one recording near all failures may give them no probability at all.
+    return float(np.log(np.maximum(sums, np.finfo(float).tiny)).std(ddof=1))
 
 
 _GREATEST = 5.0

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.estimation.probability import ControlVariate, Probability, Rate, probability
+from generation.estimation.probability import (
+    ControlVariate,
+    Probability,
+    Rate,
+    density_spread,
+    probability,
+)
 
 
 def draws(n: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -74,6 +80,13 @@ def test_an_unsure_density_widens_the_interval() -> None:
 def test_estimates_tell_no_more_digits_than_they_know() -> None:
     assert str(Probability(1.234e-3, 1e-5, 90.0, 1.0)) == "1.2e-03 [1.2e-03, 1.3e-03]"
     assert str(Rate(0.01234, (0.01, 0.0156))) == "1.2e-02 [1.0e-02, 1.6e-02]"
+
+
+def test_densities_that_give_failures_no_probability_widen_the_interval_to_all() -> None:
+    spread = density_spread(np.array([[-5000.0], [0.0]]), np.array([0.01]))
+    assert 400.0 < spread < 1000.0
+    low, high = Probability(0.01, 0.001, 60.0, 0.02, spread).interval
+    assert (low, high) == (pytest.approx(0.0, abs=1e-300), 1.0)
 
 
 def test_a_single_draw_that_fails_leaves_its_probability_open() -> None:
