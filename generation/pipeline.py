@@ -8,11 +8,13 @@ edge cases and files, in the end and in between."""
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,7 +84,7 @@ from runner.judging.settings import RunSettings
 from runner.systems import system_name
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported, UsageError
-from schemas.common.storage import alone, digest, write_object
+from schemas.common.storage import alone, digest, keep, write_object, writing
 from schemas.common.terminal.text import many
 
 LEAST = 30
@@ -287,6 +289,52 @@ def generate(
         return work.made(history, cut=len(work.unseen.theta) < drawn_of(settings.budget))
 
 
+def write_draws(
+    scenario: Path,
+    recorded: Callable[[Space], Recorded],
+    out: Path,
+    settings: SearchSettings,
+    count: int,
+) -> tuple[Path, str]:
+    """Write draws of the density that a search would use as a table, without a run: all parameters,
+    pinned ones too, and the logarithm of the density in their units; the file, and the density's
+    name. Arguments as in `generate`.
+
+    Raises:
+        UsageError: as of `generate`; or the file is there already, without `settings.overwrite`.
+        NotWritten: it can't be written.
+    """
+    asked = _Asked.of(scenario, recorded, settings)
+    path = out / f"{scenario.stem}_draws.csv"
+    if path.exists() and not settings.overwrite:
+        raise UsageError("this file is there already: --overwrite replaces it", path=path)
+    theta = _sampled(asked, count)
+    sets, densities = asked.space.sets(theta), asked.prior.log_density(theta).tolist()
+    table = StringIO(newline="")
+    rows = csv.DictWriter(table, [*(asked.space.pinned | sets[0]), _LOG_DENSITY])
+    rows.writeheader()
+    for values, density in zip(sets, densities, strict=True):
+        rows.writerow({**asked.space.pinned, **values, _LOG_DENSITY: repr(density)})
+    with writing("the table of draws", path):
+        keep(table.getvalue().encode(), path)
+    if len(asked.source.marginals) == len(asked.space.names):
+        return path, "limits and densities as stated"
+    return (
+        path,
+        f"density {settings.density} of {many(len(asked.real.theta), 'recorded manoeuvre')}",
+    )
+
+
+_LOG_DENSITY = "log_density"
+"""Column of `write_draws`"""
+
+
+def _sampled(asked: _Asked, count: int) -> FloatArray:
+    """Unguided draws (n, d) of the density."""
+    generator = np.random.default_rng([asked.settings.seed, len(asked.space.names)])
+    return asked.prior.sample(count, generator)
+
+
 class _Asked(NamedTuple):
     """Question of a search: what is searched, and what is likely in it.
 
@@ -405,10 +453,7 @@ class _Work:
     def _drawn(self) -> Episodes:
         """Unguided draws, as many as there is time for."""
         asked, settings = self._asked, self._asked.settings
-        theta = asked.prior.sample(
-            drawn_of(settings.budget),
-            np.random.default_rng([settings.seed, len(asked.space.names)]),
-        )
+        theta = _sampled(asked, drawn_of(settings.budget))
         draw, parts = counted(self._draws, self._progress), list[Outcomes]()
         for part in self._clock.parts(theta, _DRAWN_UNTIL):
             parts.append(draw(part))

@@ -99,6 +99,14 @@ def xosc_generate(
         ),
     ] = None,
     fail_if: Failing = None,
+    draw: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Write N draws of the density as a table (CSV), and run nothing.",
+        ),
+    ] = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -124,6 +132,8 @@ def xosc_generate(
     from generation.estimation.estimate import RUNS
     from generation.search.problem import method as search_of
 
+    if draw is not None and (against is not None or settings.estimate or settings.until):
+        raise UsageError("--draw runs nothing: without --against, --estimate and --until")
     search_of(settings.method)  # what it needs is better asked for before recordings are read
     budget = budget_within_limits(settings.budget, RUNS if settings.estimate else 0, NAME)
     settings = replace(settings, budget=budget, density=ask.density)
@@ -134,6 +144,10 @@ def xosc_generate(
     clock = SearchClock(settings.minutes, time.process_time())
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         searches = list(_searches(source, ask, out, settings, against))
+        if draw is not None:
+            for search in searches:
+                _drawn(search, draw, quiet)
+            raise typer.Exit(ExitCode.PASSED)
         found = [
             _found(search, wanted, quiet, source.is_dir(), clock.shared(left))
             for left, search in zip(range(len(searches), 0, -1), searches, strict=True)
@@ -218,6 +232,19 @@ def _likely(search: Search, space: Space) -> Units:
     )
     say(f"{NAME}: {search.scenario.name}: {what}", to=sys.stderr)
     return instead
+
+
+def _drawn(search: Search, count: int, quiet: bool) -> None:
+    """Write draws of the density of a scenario."""
+    from generation.pipeline import write_draws
+
+    settings = search.settings
+    path, density = write_draws(
+        search.scenario, partial(_likely, search), search.out, settings, count
+    )
+    if not quiet:
+        drawn = f"{many(count, 'draw')} of the {density}, seed {settings.seed}"
+        say(f"{search.scenario.name}: {drawn}, which no run has tested: {path}")
 
 
 def _found(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -16,6 +17,8 @@ import pytest
 import schemas
 from generation.search.outcomes import Repeats, Run
 from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
 from generation.xosc_generate import main
 from runner.systems import Control, Observation, Participant
 from schemas.common.storage import alone
@@ -69,6 +72,34 @@ def test_a_search_without_time_claims_nothing_of_what_it_did_not_run(
     told = capsys.readouterr().out
     assert "no sought runs" in told and "the time was over before" in told
     assert "nothing that is foreseeable and preventable fails" not in told
+
+
+def test_draws_of_the_density_are_a_table_without_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table for a simulator of the user's own."""
+    monkeypatch.setattr("generation.search.outcomes.Evaluator.__call__", None)
+    pins = ("--pin", "Ego_Speed_mps=33", "--out", tmp_path)
+    assert call(monkeypatch, CUT_IN, *pins, "--draw", 30, "--seed", 4) == 0
+    told, path = capsys.readouterr().out, tmp_path / "cut_in_highway_draws.csv"
+    assert "30 draws of the density mixture of 3,565 recorded manoeuvres, seed 4" in told
+    assert "which no run has tested" in told and [*tmp_path.iterdir()] == [path]
+    rows = [*csv.DictReader(path.open(newline=""))]
+    assert {row["Ego_Speed_mps"] for row in rows} == {"33"}
+    space = Space.of(CUT_IN, {"Ego_Speed_mps": "33"})
+    assert rows[0].keys() == {*space.pinned, *space.names, "log_density"}
+    theta = np.array([[float(row[name]) for name in space.names] for row in rows])
+    assert ((space.low <= theta) & (theta <= space.high)).all()
+    prior = of_samples(of_recordings(None, "cut_in"), space).prior(space, "mixture")
+    stated = np.array([float(row["log_density"]) for row in rows])
+    np.testing.assert_allclose(prior.log_density(theta), stated, atol=1e-3)
+    before = path.read_bytes()
+    assert call(monkeypatch, CUT_IN, *pins, "--draw", 30) == 2
+    assert "--overwrite replaces it" in capsys.readouterr().err and path.read_bytes() == before
+    assert call(monkeypatch, CUT_IN, *pins, "--draw", 30, "--seed", 4, "--overwrite") == 0
+    assert path.read_bytes() == before, "the seed decides"
+    assert call(monkeypatch, CUT_IN, *pins, "--draw", 3, "--estimate") == 2
+    assert "--draw runs nothing" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

@@ -81,7 +81,7 @@ SELDOM = frozenset({
     "sut_timeout", "sut_in_process", "least", "in_arrays", "timestep", "ego", "max_time", "world",
     "end_after_collision", "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict",
     "road", "catalog_path", "osi", "plot", "gui", "junit_inconclusive", "assess", "ray",
-    "maxfail",
+    "maxfail", "draw",
     "road_path", "max_memory", "max_seconds", "max_runs", "weight", "rss", "apart", "violations",
     "concrete", "minutes", "every", "map", "density", "kind", "recorded", "labels", "model",
     "shown", "domain", "judge", "most", "plays", "verbose", "_verbose", "_version", "overwrite",
