@@ -311,7 +311,7 @@ def write_draws(
     theta = _sampled(asked, count)
     sets, densities = asked.space.sets(theta), asked.prior.log_density(theta).tolist()
     table = StringIO(newline="")
-    rows = csv.DictWriter(table, [*(asked.space.pinned | sets[0]), _LOG_DENSITY])
+    rows = csv.DictWriter(table, [*{**asked.space.pinned, **sets[0]}, _LOG_DENSITY])
     rows.writeheader()
     for values, density in zip(sets, densities, strict=True):
         rows.writerow({**asked.space.pinned, **values, _LOG_DENSITY: repr(density)})
