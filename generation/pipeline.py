@@ -681,7 +681,9 @@ def _gate(
     scenario, space, recorded, settings = asked.scenario, asked.space, asked.source, asked.settings
     drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
-        return Gate(None, drawn), None
+        unrecorded = tuple(name for name in space.names if name in recorded.marginals)
+        some = len(unrecorded) < len(space.names)
+        return Gate(None, drawn, unrecorded=unrecorded if some else ()), None
     (own, units), generator = replays, np.random.default_rng(0)
     units = units[generator.permutation(len(units))]
     # Without pinned parameters the units are points of the space itself.

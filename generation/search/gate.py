@@ -165,12 +165,15 @@ class Gate(NamedTuple):
         drawn: draws of the density.
         unprevented: replays in which the careful drivers collide too; None counts all that collide.
         played: whether they were played in arrays.
+        unrecorded: searched parameters of which nothing is recorded, which is why there are no
+            replays; none where that holds for all of them.
     """
 
     replayed: Share | None
     drawn: Share
     unprevented: Share | None = None
     played: bool = False
+    unrecorded: tuple[str, ...] = ()
 
     @property
     def refusal(self) -> str | None:
@@ -216,8 +219,9 @@ class Gate(NamedTuple):
 
     def __str__(self) -> str:
         if self.replayed is None:
+            of = f"of {' and '.join(self.unrecorded)} " if self.unrecorded else ""
             return (
-                f"collisions in {self.drawn} draws of the density; nothing is recorded "
+                f"collisions in {self.drawn} draws of the density; {of}nothing is recorded "
                 "that could be replayed"
             )
         where = " in arrays" if self.played else ""

@@ -87,6 +87,13 @@ def test_few_replays_or_draws_do_not_pass_a_density() -> None:
     )
 
 
+def test_a_gate_names_what_keeps_recordings_from_being_replayed() -> None:
+    drawn = Share(0, 30)
+    assert str(Gate(None, drawn)).endswith("; nothing is recorded that could be replayed")
+    named = str(Gate(None, drawn, unrecorded=("sut_delay", "sut_reach")))
+    assert named.endswith("; of sut_delay and sut_reach nothing is recorded that could be replayed")
+
+
 def test_a_weak_system_under_test_is_no_fault_of_the_replays() -> None:
     weak, blind = SPACE_OF_GAPS[:, 0] < 0.2, SPACE_OF_GAPS[:, 0] < 0.1
 
