@@ -37,6 +37,7 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError, nearest
 from schemas.common.storage import digest, read_object, write_object
 from schemas.common.terminal.text import many
+from schemas.common.xml import parse_bytes
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,
@@ -51,9 +52,11 @@ from xosc.distributions import (
 )
 from xosc.document import Document, to_bytes
 from xosc.document.node import Node
+from xosc.document.road_files import logic_file
 from xosc.exports import standard
 from xosc.exports.concrete import concrete, copied
 from xosc.exports.draft import Draft, ExportSettings, Folder, roads_in
+from xosc.exports.references import take_roads
 from xosc.writing.files import FileHeader, new_document
 from xosc.writing.tags import Tag, annotated
 from xosc.writing.tags import to_bytes as as_openlabel
@@ -133,10 +136,32 @@ class Writer:
         )
         # Copies of everything that the scenario refers to, so that the folder runs wherever it is
         # moved to.
-        standard.add(
-            _with_road(self._document, space), None, draft
-        )  # parameters must stay: in other versions of the standard they may not
+        document = _with_road(self._document, space)
+        self._road, self._copies = _take_varied_roads(document, space, draft)
+        if self._copies:
+            _name_road(document.node, next(iter(self._copies)))
+        # Parameters must stay: in other versions of the standard they may not.
+        standard.add(document, None, draft)
+        if self._copies:
+            name = self._folder.name(document.path, f"{self._stem}.xosc")
+            draft.add(name, self._by_parameter(draft.content(name)))
         draft.write()
+
+    def _by_parameter(self, content: bytes) -> bytes:
+        """The written scenario with its road named by the searched parameter again, whose default
+        is a copy's name."""
+        root = parse_bytes(content, self._document.path).getroot()
+        node = Node(root, self._document.path)
+        _name_road(node, f"${self._road}")
+        for declared in root.iter("ParameterDeclaration"):
+            if declared.get("name") == self._road:
+                text = str(declared.get("value"))
+                declared.set("value", self._copies.get(text, next(iter(self._copies.values()))))
+        return to_bytes(replace(self._document, root=root))
+
+    def _copied(self, name: str, text: str) -> str:
+        """Value of a parameter in this folder: of a road, the name of its copy."""
+        return self._copies.get(text, text) if name == self._road else text
 
     def cases(self, cases: Cases, evidence: Evidence) -> Path:
         """The variation file of the cases: a set of values for each, of pinned parameters too; the
@@ -201,13 +226,14 @@ class Writer:
         counts = np.bincount(nearest_code, minlength=len(categories)).tolist()
         weights = Counter[str]()
         for texts, count in zip(categories.values(), counts, strict=True):
-            weights[texts[parameter.name]] += count
+            weights[self._copied(parameter.name, texts[parameter.name])] += count
         return ProbabilityDistributionSet(
             tuple((text, float(weight)) for text, weight in weights.items() if weight)
         )
 
     def _values(self, row: FloatArray) -> dict[str, str]:
-        return {**self._space.pinned, **self._space.values(row)}
+        values = {**self._space.pinned, **self._space.values(row)}
+        return {name: self._copied(name, text) for name, text in values.items()}
 
     def _variation(self, definition: Deterministic | Stochastic, description: str) -> Document:
         distribution = ParameterValueDistribution(f"{self._stem}.xosc", definition)
@@ -283,6 +309,26 @@ def _with_road(document: Document, space: Space) -> Document:
         if name in space.pinned:
             element.set("filepath", space.pinned[name])
     return found
+
+
+def _take_varied_roads(
+    document: Document, space: Space, draft: Draft
+) -> tuple[str, dict[str, str]]:
+    """Take along all roads that a searched parameter names: its name, and names of their copies by
+    its values; none where no searched parameter names the road."""
+    logic, copies = logic_file(document.node), dict[str, str]()
+    name = "" if logic is None else logic.get("filepath").removeprefix("$")
+    for texts in (texts for coded in space.follows.values() for texts in coded.values()):
+        if name in texts and texts[name] not in copies:
+            one = copied(document)
+            _name_road(one.node, texts[name])
+            take_roads(one, draft)
+            copies[texts[name]] = one.node.need("RoadNetwork").need("LogicFile").get("filepath")
+    return name, copies
+
+
+def _name_road(scenario: Node, text: str) -> None:
+    scenario.need("RoadNetwork").need("LogicFile").element.set("filepath", text)
 
 
 def _histogram(values: FloatArray, low: float, high: float) -> Histogram:

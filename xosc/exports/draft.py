@@ -204,6 +204,10 @@ class Draft:
         """Add a file."""
         self._files[name] = content
 
+    def content(self, name: str) -> bytes:
+        """Content of a file that was added."""
+        return self._files[name]
+
     def note(self, *remarks: str | Remark) -> None:
         """Add remarks, each once.
 

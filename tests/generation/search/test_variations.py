@@ -21,7 +21,7 @@ from generation.search.settings import Choice
 from generation.search.variations import Evidence, Writer, Written
 from generation.space.density.marginals import marginal
 from generation.space.density.models.mixtures import Gaussian
-from generation.space.logical.library import SCENARIOS
+from generation.space.logical.library import ROADS, SCENARIOS
 from generation.space.space import Space
 from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
@@ -32,6 +32,7 @@ from xosc.writing.tags import read
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 SPACE = Space.of(CUT_IN, pinned={"Ego_Speed_mps": "31.5"})
+RNG = np.random.default_rng(2)
 EVIDENCE = Evidence("cas", "random", "ad-rss", 3, 40, 0.05)
 
 
@@ -101,6 +102,42 @@ def test_a_road_whose_name_is_the_value_of_a_parameter_is_taken_along(tmp_path: 
     Writer(source / CUT_IN.name, Space.of(source / CUT_IN.name), tmp_path / "out")
     assert runner.run(tmp_path / "out" / CUT_IN.name, world="kinematic", max_time=0.2).status
     assert len(list((tmp_path / "out").rglob("*.xodr"))) == 1
+
+
+def test_roads_that_a_searched_parameter_names_are_all_taken_along(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    shutil.copytree(SCENARIOS / "catalogs", source / "catalogs")
+    road = (ROADS / "highway_straight.xodr").read_text()
+    for name in ("a", "b"):
+        (source / "maps" / name).mkdir(parents=True)
+        (source / "maps" / name / "road.xodr").write_text(road)
+    text = CUT_IN.read_text().replace('"../../xodr/library/highway_straight.xodr"', '"$Road"')
+    declared = '<ParameterDeclaration name="Road" parameterType="string" value="maps/a/road.xodr"/>'
+    text = text.replace("<ParameterDeclarations>", f"<ParameterDeclarations>{declared}", 1)
+    scenario = source / CUT_IN.name
+    scenario.write_text(text)
+    choices = ProbabilityDistributionSet((("maps/a/road.xodr", 1.0), ("maps/b/road.xodr", 2.0)))
+    roads = marginal(choices, "Road")
+    assert not isinstance(roads, str)
+    space = Space.of(scenario, ranges={"Road": roads})
+    out = tmp_path / "out"
+    path = Writer(scenario, space, out).density(Gaussian().fit(space.draw(99, RNG)), 5)
+    copies = sorted(each.name for each in (out / "roads").iterdir())
+    assert copies == ["road.xodr", "road~2.xodr"]
+    written = (out / CUT_IN.name).read_text()
+    assert 'filepath="$Road"' in written and 'value="roads/road.xodr"' in written
+    assert set(re.findall(r'value="(roads/[^"]+)"', path.read_text())) == {
+        f"roads/{name}" for name in copies
+    }
+    shutil.rmtree(source)
+    for name in copies:
+        assert (
+            runner.run(
+                out / CUT_IN.name, parameters={"Road": f"roads/{name}"}, world="kinematic"
+            ).status
+            == "completed"
+        )
+    assert not schemas.check(out / CUT_IN.name)
 
 
 def test_all_files_are_valid(folder: Path) -> None:
