@@ -20,13 +20,15 @@ from runner.judging.evidence.continuity import (
     ALOFT,
     APPROACH,
     NEVER,
+    SUSTAINED,
+    TOLERANCE,
     PredictedContact,
     above_road,
     displaced_boxes,
     next_contact,
 )
 from runner.judging.evidence.progress import mishap_events, scene_events, without_effect
-from runner.judging.evidence.rows import causes_of
+from runner.judging.evidence.rows import ROWS, causes_of
 from runner.judging.measures.criticality import criticality
 from runner.judging.measures.measure import EVENTS, Facts
 from runner.judging.measures.relations import MotionRows
@@ -46,11 +48,6 @@ if TYPE_CHECKING:
     from runner.judging.measures.criticality import Criticality
     from runner.judging.measures.measure import Limit
 
-_TOLERANCE = 1.01
-_SUSTAINED = 0.5
-_SHORTEST = 0.1
-_LEAST_SHARE = 0.1
-"""As in `continuity` and `rows`"""
 OPEN = "open"
 """Outcome of a run that the interpreter has to play"""
 
@@ -288,17 +285,17 @@ class ArrayJudge:
                 seen.doubt |= _aloft(run, entity)
         seen.moved |= speed > 0.0
         for entity in (ego, *others):
-            most = _TOLERANCE * entity.declared.performance.max_speed
+            most = TOLERANCE * entity.declared.performance.max_speed
             fast = (speed if entity is ego else np.abs(entity.speed)) > most
             if fast.any():
                 seen.beyond |= fast & run.going
         if run.step_index:
             self._look_for_jumps(run, [ego, *others])
             change = (speed - seen.speed) / run.dt
-            steps = round(_SUSTAINED / run.dt)
+            steps = round(SUSTAINED / run.dt)
             over = (
-                change > _TOLERANCE * limits.max_acceleration,
-                -change > _TOLERANCE * limits.max_deceleration,
+                change > TOLERANCE * limits.max_acceleration,
+                -change > TOLERANCE * limits.max_deceleration,
             )
             # Steps in a row: one within the limit begins the count anew.
             for count, side in zip((seen.faster, seen.slower), over, strict=True):
@@ -378,12 +375,13 @@ class ArrayJudge:
         else:
             doubt |= out_of_time
         # As the rows `seconds` and `start` have it: such runs are rare, and left open.
-        if run.time < _SHORTEST or run.step_index == 0:
+        if run.time < ROWS["seconds"].least or run.step_index == 0:
             doubt[:] = True
         driver: Any = run.driver
         if driver is not None:
-            # Least values of `command_seconds` and `command_share`; the ego is there all the time.
-            seconds = max(_SHORTEST, _LEAST_SHARE * run.time)
+            # The ego is there all the time, of which the share is.
+            shortest, share = ROWS["command_seconds"].least, ROWS["command_share"].least
+            seconds = max(shortest, share * run.time)
             doubt |= driver.commanded[rows] * run.dt < seconds
         if self._system and not scripted_at_start(self._scenario, run.ego.entity):
             lacking |= ~seen.moved[rows]

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from runner.recording import Recording, Track
     from xodr.graph.network import RoadNetwork
 
-_TOLERANCE = 1.01
+TOLERANCE = 1.01
 """Share of a limit of the Performance above which it is exceeded"""
-_SUSTAINED = 0.5
+SUSTAINED = 0.5
 """Time (s) for which an acceleration must last: a change within a step is a change of state, and
 has none"""
 APPROACH = 5.0
@@ -83,7 +83,7 @@ def beyond_performance(
         limits, node = entity.declared.performance, entity.declared.node
         where = f"{node.where}: " if node is not None else ""
         speed, time = np.abs(track.columns["speed"]), track.columns["time"]
-        fast = np.flatnonzero(speed > _TOLERANCE * limits.max_speed)
+        fast = np.flatnonzero(speed > TOLERANCE * limits.max_speed)
         if fast.size:
             told = f"drives at {speed[fast[0]]:.2f} m/s at {time[fast[0]]:.2f} s"
             yield f"{where}{track.name} {told}; its Performance allows {limits.max_speed:g} m/s"
@@ -93,9 +93,9 @@ def beyond_performance(
 
 
 def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[str]:
-    """Changes of speed beyond the limits (m/s²) in each step of `_SUSTAINED`."""
+    """Changes of speed beyond the limits (m/s²) in each step of `SUSTAINED`."""
     speed, time = np.abs(track.columns["speed"]), track.columns["time"]
-    steps = round(_SUSTAINED / (time[1] - time[0])) if len(time) > 1 else 0
+    steps = round(SUSTAINED / (time[1] - time[0])) if len(time) > 1 else 0
     if not 0 < steps < len(time):
         return
     rate = np.diff(speed) / np.diff(time)
@@ -106,7 +106,7 @@ def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[str]
         ("brakes", least, (-change).min(axis=1)),
     )
     for word, limit, found in sides:
-        over = np.flatnonzero(found > _TOLERANCE * limit)
+        over = np.flatnonzero(found > TOLERANCE * limit)
         if over.size:
             told = f"{word} by {found[over[0]]:.2f} m/s² at {time[over[0]]:.2f} s"
             yield f"{where}{track.name} {told}; its Performance allows {limit:g} m/s²"

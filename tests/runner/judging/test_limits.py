@@ -236,7 +236,7 @@ def test_a_system_is_given_parameters_and_the_verdict_says_what_it_could_see(
     result = load_run(tmp_path / "out" / "scenario")
     assert (result.sut, result.sut_parameters) == (
         "cas:sensor_range=60,brake=7.5",
-        {"sensor_range": 60.0, "rss": "ad-rss", "brake": 7.5},
+        {"sensor_range": 60.0, "rss": "ad-rss", "brake": 7.5, "jerk": None},
     )
 
 
