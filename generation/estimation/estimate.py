@@ -281,6 +281,7 @@ class Estimate(NamedTuple):
         yield f"P(failure | manoeuvre), 95 % intervals, {many(self.runs, 'run')}: {origin}"
         if self.failed:
             yield f"  {many(self.failed, 'more run')} failed, and count for nothing"
+        # Without a failure all events have the same bound: once is enough.
         told = self.probabilities if self.probabilities[FAILURE].value > 0.0 else (FAILURE,)
         for name in told:
             yield f"  {name.replace(FAILURE, failure)}: {self.probabilities[name]}"

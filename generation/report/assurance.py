@@ -204,6 +204,7 @@ def sensitivity(generated: Generated) -> Sensitivity | str:
     told = np.flatnonzero(distinctive(space))
     drawn = space.unit(generated.prior.sample(_DRAWN, np.random.default_rng(0)))[:, told]
     low, high = np.quantile(drawn, [_TAIL, 1.0 - _TAIL], axis=0)
+    # A parameter without spread has a distribution without width, and so no index.
     told, low, high = told[high > low], low[high > low], high[high > low]
     if len(told) < 2:
         return "one parameter alone varies in the density's draws"

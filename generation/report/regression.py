@@ -229,6 +229,7 @@ def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shi
     """
     space, columns = tried.space, distinctive(tried.space)
     points = {row: space.point(values) for row, values in enumerate(before.values)}
+    # Failures at other pinned values are no points of this space.
     rows = [row for row, values in enumerate(before.values) if _alike(space, values)]
     rows = [row for row in rows if points[row] is not None]
     then = np.array([points[row] for row in rows]).reshape(-1, len(space.names))

@@ -201,6 +201,7 @@ class Space:
         choice = _ParameterChoice(scenario, dict(pinned or {}), free, ranges)
         names = choice.searched(ego, default)
         follows = choice.follows(names)
+        # Parameters that follow a category have its values: their declared ones are not pinned.
         following = {
             name
             for first, values in follows.items()

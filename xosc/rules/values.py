@@ -103,6 +103,7 @@ def _distributed(document: CheckedDocument) -> Iterator[Finding]:
     types = {declaration.get("name"): declaration.get("parameterType") for declaration in declared}
     for holder, _, name in document.values("parameterName", "parameterRef"):
         kind = types.get(name)
+        # A ParameterAssignment has its value itself, a distribution has them in Elements.
         for element in (holder, *holder.iter("{*}Element")) if kind in TYPES else ():
             text = document.value(element, "value")
             try:
