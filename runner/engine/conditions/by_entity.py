@@ -13,7 +13,7 @@ import numpy as np
 
 from runner.engine.compile.element import AWAKE, UNDISTURBED, Dormancy, EntityCondition
 from runner.engine.compile.registry import condition
-from runner.engine.conditions.comparison import TOLERANCE, Comparison
+from runner.engine.conditions.comparison import TOLERANCE, Comparison, compared
 from runner.engine.motion.spacing import velocity
 from xosc.document.node import Node
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -50,7 +50,10 @@ class _Lasting(EntityCondition):
         return found
 
     def _text(self, entity: Entity, state: str, since: float) -> str:
-        return f"{entity.name} {state} for {since:.2f} s ≥ {self.duration:g} s"
+        wanted = f"≥ {self.duration:g} s"
+        if self._lasted(since):
+            return f"{entity.name} {state} for {since:.2f} s {wanted}"
+        return f"{entity.name} {state} for {wanted} (is {since:.2f} s)"
 
 
 def _duration(node: Node, context: Context) -> float:
@@ -386,10 +389,10 @@ class TraveledDistanceCondition(EntityCondition):
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The distance travelled."""
-        return (
-            f"distance travelled by {entity.name} = {self._travelled(entity):.2f} m ≥ "
-            f"{self.distance:g} m"
-        )
+        travelled = self._travelled(entity)
+        holds = travelled >= self.distance - TOLERANCE
+        what = f"distance travelled by {entity.name}"
+        return compared(what, f"{travelled:.2f} m", f"≥ {self.distance:g} m", holds)
 
 
 def project(entity: Entity, x: float, y: float, direction: str) -> float:

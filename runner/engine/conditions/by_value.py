@@ -13,7 +13,7 @@ import numpy as np
 from runner.engine.compile.element import AWAKE, UNDISTURBED, Condition, Dormancy
 from runner.engine.compile.protocols import ElementState, StoryboardElement, Transition
 from runner.engine.compile.registry import condition
-from runner.engine.conditions.comparison import RULES, TOLERANCE, Comparison
+from runner.engine.conditions.comparison import RULES, TOLERANCE, Comparison, compared
 from runner.engine.worlds.surroundings import read_date
 from schemas.expressions.columns import NotInArrays, NumberColumn
 from schemas.expressions.values import Value, number
@@ -156,7 +156,8 @@ class _Expected:
     def describe(self, what: str, value: Value | None) -> str:
         """Describe a comparison."""
         seen = "undefined" if value is None else value
-        return f"{what} = {seen} {RULES[self.rule].symbol} {self.expected}"
+        wanted = f"{RULES[self.rule].symbol} {self.expected}"
+        return compared(what, seen, wanted, value is not None and self.holds(value))
 
 
 def _as_number(value: Value) -> float | None:

@@ -87,6 +87,13 @@ class Comparison:
         return found
 
     def describe(self, what: str, quantity: float | None) -> str:
-        """`what = quantity unit < value unit`, or that the quantity is undefined."""
+        """`what = quantity unit < value unit` where that is true, else `what < value unit (is
+        quantity unit)`; the quantity may be undefined."""
         seen = "undefined" if quantity is None else f"{quantity:.4g} {self.unit}".rstrip()
-        return f"{what} = {seen} {self.symbol} {self.value:g} {self.unit}".rstrip()
+        wanted = f"{self.symbol} {self.value:g} {self.unit}".rstrip()
+        return compared(what, seen, wanted, self.holds(quantity))
+
+
+def compared(what: str, seen: str, wanted: str, holds: bool) -> str:
+    """Return a comparison in words that are true whether it holds or not."""
+    return f"{what} = {seen} {wanted}" if holds else f"{what} {wanted} (is {seen})"

@@ -570,14 +570,30 @@ def _not_driven(run: Observed, ego: Entity, seconds: float) -> str:
         )
     ]
     if not because and ego.name in run.scenario.activated:
-        because = [
-            "the scenario hands over by an action, which did not start or was of another domain"
-        ]
+        because = [_handed_over(run, ego, seconds)]
     reason = f" ({'; '.join(because[:2])})" if because else ""
     idle = max(run.ego_seconds - seconds, 0.0)
     return (
         f"{run.system} did not drive {ego.name} for {idle:.2f} s of {run.ego_seconds:.2f} s{reason}"
     )
+
+
+def _handed_over(run: Observed, ego: Entity, seconds: float) -> str:
+    """When an action of the scenario has handed the ego over."""
+    entries = (entry for entry in run.sim.log if entry.subject == ego.name)
+    handed = next(
+        (
+            entry
+            for entry in entries
+            if entry.kind == "controller" and entry.text.startswith("activated")
+        ),
+        None,
+    )
+    if handed is None:
+        return "the scenario hands over by an action, which did not start"
+    if not seconds:
+        return f"it is {handed.text} at {handed.time:.2f} s, which it does not control"
+    return f"until {handed.time:.2f} s, when an action of the scenario hands over"
 
 
 @_row(
