@@ -94,7 +94,7 @@ def _run(
         for act in also:
             act(result)
     files = digests(out / job.name) if out is not None else {}
-    return outcome_of(job, result, measures, files, contacts or out is not None)
+    return outcome_of(job, result, measures, files, contacts or out is not None, own.limits)
 
 
 def print_line(line: str) -> None:

@@ -76,7 +76,8 @@ class Outcome:
         state: `passed`, `failed`, `inconclusive` (its verdict), `error` (a defect of the file or
             the run), or `loaded` (by a rehearsal).
         exit_code: what the command line would answer for this run alone.
-        message: reasons of a failed or inconclusive verdict, or the error.
+        message: reasons of a failed or inconclusive verdict, values of the limits that a passed run
+            keeps, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output
             folder); of an error the status is one of `FLEETING`, `SYSTEM`, or empty.
         trace: traceback of an error.

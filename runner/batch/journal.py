@@ -362,7 +362,7 @@ def finished(out: Path) -> Finished:
         UsageError: the folder is not that of a batch.
     """
     if not is_batch(out):
-        raise UsageError("this is not the output folder of a batch: it has no journal", path=out)
+        raise _no_batch(out, "no journal")
     try:
         kept = Records(out / _JOURNAL).read()
     except OSError as error:
@@ -372,6 +372,13 @@ def finished(out: Path) -> Finished:
     restored = [_outcome(record) for record in kept.records]
     outcomes = {outcome.job.name: outcome for outcome in restored if outcome is not None}
     return Finished(outcomes, kept.damaged, restored.count(None))
+
+
+def _no_batch(out: Path, lack: str) -> UsageError:
+    """Error of a folder that is none of a batch."""
+    if not out.exists():
+        return UsageError("there is no such folder", path=out)
+    return UsageError(f"this is not the output folder of a batch: it has {lack}", path=out)
 
 
 def _name(entry: dict[str, Any]) -> str | None:
@@ -474,7 +481,5 @@ def settings(out: Path) -> dict[str, Any]:
         InvalidFile: their file is damaged.
     """
     if not (out / _SETTINGS).is_file():
-        raise UsageError(
-            f"this is not the output folder of a batch: it has no {_SETTINGS}", path=out
-        )
+        raise _no_batch(out, f"no {_SETTINGS}")
     return read_object(out / _SETTINGS)

@@ -105,6 +105,12 @@ def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
     return tuple(reason for limit in limits if (reason := limit.reason(facts)))
 
 
+def kept(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
+    """Values of the measures of limits in a run that keeps them, in words."""
+    facts = _facts(result)
+    return tuple(dict.fromkeys(text for limit in limits if (text := limit.reached(facts))))
+
+
 def margin(result: RunResult, limits: Sequence[Limit]) -> float:
     """Least signed distance of a run to its limits (`Limit.margins`) and to failures by criteria;
     infinite without any."""

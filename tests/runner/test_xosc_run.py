@@ -56,6 +56,24 @@ def test_0_passed(xosc_run: Command, passing: Path) -> None:
     assert answer.err == ""
 
 
+def test_a_passed_run_tells_the_values_that_its_limits_are_about(
+    xosc_run: Command, tmp_path: Path
+) -> None:
+    ahead = scenario(tmp_path, init=place("Ego", 100, 20) + place("Lead", 160, 10), stop=1.0)
+    out = ("--sut", "none", "--out", tmp_path / "out")
+    limits = ("--fail-if", "min_ttc<1", "--fail-if", "timeout", "--fail-if", "end_time>9")
+    answer = xosc_run(ahead, *limits, *out)
+    assert answer.code == 0
+    value = re.search(
+        r"trigger: (min_ttc is \d\.\d\d s with Lead at 1\.00 s); end_time is 1", answer.out
+    )
+    assert value is not None, answer.out
+    assert "there until the end 2 of 2" in answer.out
+    assert "measures of --fail-if defined for 100.0%" in answer.out and "reserve" not in answer.out
+    again = xosc_run(ahead, *limits, *out, "--resume")
+    assert value[1] in again.out and again.err == "", "it follows from the results"
+
+
 def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
     answer = xosc_run(collision(tmp_path))
     assert answer.code == 1

@@ -3,7 +3,7 @@ without a seal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from runner.batch.outputs import report
 from runner.batch.outputs.folder import EVENTS, RESULT, TRAJECTORIES, load_run
 from runner.judging.criteria.criterion import elements
 from runner.judging.evidence.rows import ROWS
-from runner.judging.verdict import exceeded
+from runner.judging.verdict import exceeded, kept
 from runner.systems import system_name
 from runner.systems.base import SENSOR_RANGE, split
 from schemas.common.errors import InvalidFile
@@ -22,6 +22,7 @@ from schemas.common.storage import read_object
 from schemas.common.terminal.text import one_line, shown
 
 if TYPE_CHECKING:
+    from runner.judging.measures.measure import Limit
     from runner.judging.result import RunResult
     from runner.judging.settings import RunSettings
 
@@ -40,6 +41,7 @@ def outcome_of(
     measures: dict[str, Any],
     files: dict[str, str],
     contacts: bool = True,
+    limits: Sequence[Limit] = (),
 ) -> Outcome:
     """The outcome of a run that has a result.
 
@@ -47,10 +49,12 @@ def outcome_of(
         measures: criticality of the ego, as in `result.json`.
         files: digests of the files in its folder.
         contacts: describe the first contact of a failed run.
+        limits: of the run, whose values a passed one tells.
     """
     verdict = result.verdict
+    told_of = kept(result, limits) if verdict.passed else _reasons(result)
     # A line each: names from files may hold line breaks.
-    message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
+    message, criteria = one_line("; ".join(told_of)), report.criteria(verdict)
     doubts = dict.fromkeys((*result.remarks, *(cause.text for cause in verdict.causes)))
     told = [
         one_line(remark)
@@ -96,7 +100,8 @@ def contradiction(stored: Outcome, folder: Path, settings: RunSettings) -> str:
     except InvalidFile:
         return "with results that can't be read"
     own = settings if stored.job.seed is None else replace(settings, seed=stored.job.seed)
-    outcome = outcome_of(stored.job, result, derived["criticality"] or {}, stored.files)
+    measures = derived["criticality"] or {}
+    outcome = outcome_of(stored.job, result, measures, stored.files, limits=own.limits)
     values = report.finite({name: getattr(outcome, name) for name in _DERIVED})
     if any(getattr(stored, name) != value for name, value in values.items()):
         return "with an entry that does not follow from the results"

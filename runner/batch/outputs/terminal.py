@@ -68,6 +68,16 @@ _DRAWN = re.compile(r"(?<==)-?\d+\.\d{5,}\b")
 """Values with more digits than a reader needs, as draws of a distribution have them"""
 
 
+_EVIDENCE = {
+    "presence": "there until the end",
+    "limits": "measures of --fail-if defined for",
+    "reserve": "at the end full braking is, of what avoids the next contact,",
+}
+"""Words for kinds of evidence whose names alone do not say what is counted"""
+_FAR = 3.0
+"""Reserve of braking from which on the end of the run was near no contact"""
+
+
 class OutcomeTable:
     """Prints outcomes as they come; colours and a progress line on a terminal only.
 
@@ -236,7 +246,7 @@ class OutcomeTable:
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
 
     def compare(self, earlier: BatchComparison, replays: Path | None) -> None:
-        """Print the changes since an earlier batch.
+        """Print the changes since an earlier batch; a quiet table prints their numbers alone.
 
         Args:
             replays: output folder with replays of the runs; None where there are none.
@@ -246,7 +256,7 @@ class OutcomeTable:
         still = sorted(earlier.still, key=lambda outcome: harder[id(outcome)] is None)
         kinds = {"new": earlier.new, "fixed": earlier.fixed, "still failing": still}
         worse = sum(speeds is not None for speeds in harder.values())
-        self.tell(
+        self._print(
             f"since {one_line(earlier.title)}: "
             + ", ".join(f"{len(runs)} {kind}" for kind, runs in kinds.items())
             + (f" ({worse} with a harder impact)" if worse else "")
@@ -306,7 +316,11 @@ def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
     from runner.batch.outputs.report import evidence_text  # needs lxml
 
     told = (row for row in evidence if row["unit"] != "yes" and not row["name"].endswith("_share"))
-    return ", ".join(f"{row['name'].removesuffix('_seconds')} {evidence_text(row)}" for row in told)
+    return ", ".join(
+        f"{_EVIDENCE.get(row['name'], row['name'].removesuffix('_seconds'))} {evidence_text(row)}"
+        for row in told
+        if row["name"] != "reserve" or row["value"] < _FAR
+    )
 
 
 def _title(outcome: Outcome) -> str:

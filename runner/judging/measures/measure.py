@@ -537,10 +537,19 @@ class Limit:
         value = self._value(facts)
         if value is None or not _COMPARISONS[self.comparison](value, self.value):
             return ""
+        return f"{self.text}: {self.reached(facts)}"
+
+    def reached(self, facts: Facts) -> str:
+        """Value of the measure in a run, in words; empty for other limits, and without one."""
+        if self.name == "rss":
+            return Limit(self.text, _RSS, ">").reached(facts)
+        value = self._value(facts) if self.comparison else None
+        if value is None:
+            return ""
         if self.name == "end_time":
-            return f"{self.text}: end_time is {value:.2f} s"
+            return f"end_time is {value:.2f} s"
         found: Any = (facts.criticality or {})[self.name]
-        return f"{self.text}: {measures()[self.name].sentence(found)}"
+        return measures()[self.name].sentence(found)
 
     @property
     def needs_ego(self) -> bool:

@@ -93,7 +93,10 @@ def test_what_is_fixed_is_named(command: Command, tmp_path: Path) -> None:
         "new-failure",
     )
     assert answer.code == 0
-    assert summary(answer.out)[0] == "since bad (none, now adas): 0 new, 2 fixed, 0 still failing"
+    sentence = "since bad (none, now adas): 0 new, 2 fixed, 0 still failing"
+    assert summary(answer.out)[0] == sentence
+    quiet = command("xosc-run", CUT_IN, *OPTIONS, "2,3", "--against", bad, "--sut", "adas", "-q")
+    assert quiet.out.splitlines() == [sentence], "and nothing else"
 
 
 @pytest.mark.parametrize(
@@ -103,7 +106,8 @@ def test_what_is_fixed_is_named(command: Command, tmp_path: Path) -> None:
             ["--fail-if", "new-failure"],
             "--fail-if new-failure needs the earlier batch: --against BATCH",
         ),
-        (["--against", "absent"], "not the output folder of a batch"),
+        (["--against", "absent"], "absent: there is no such folder"),
+        (["--against", str(Path(CUT_IN).parent)], "not the output folder of a batch"),
         (["--against", "absent", "--dry-run"], "--against compares runs, and --dry-run has none"),
     ],
 )

@@ -5,6 +5,7 @@ evidence that they lack.
 from __future__ import annotations
 
 import json
+import re
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -211,6 +212,21 @@ def test_a_system_that_drove_for_a_part_says_how_long_it_did_not(tmp_path: Path)
     result = runner.run(scenario(tmp_path, init=init, stories=stories), DRIVEN)
     assert result.verdict.passed
     assert any("cas did not drive Ego for 1.00 s of 2.00 s" in remark for remark in result.remarks)
+
+
+def test_a_system_that_an_action_hands_the_ego_says_until_when_it_did_not_drive(
+    tmp_path: Path,
+) -> None:
+    init = place("Ego", 100, 20) + place("Lead", 400, 20)
+    late = scenario(tmp_path, "late", init=init, stories=story("Ego", [(1, ON)]))
+    (told,) = [text for text in runner.run(late, DRIVEN).remarks if "did not drive" in text]
+    assert re.search(
+        r"for 1\.\d\d s of 2\.00 s \(until 1\.\d\d s, when an action of the scenario hands over\)",
+        told,
+    )
+    never = scenario(tmp_path, "never", init=init, stories=story("Ego", [(9, ON)]))
+    reason = runner.run(never, DRIVEN).verdict.reasons[0]
+    assert "(the scenario hands over by an action, which did not start)" in reason
 
 
 @pytest.mark.parametrize(
