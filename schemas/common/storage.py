@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, NotWritten, UsageError, most_similar
+from schemas.common.errors import InvalidFile, NotWritten, UsageError, guess, most_similar
 from schemas.common.errors import reason as reason_of
 from schemas.common.policy import current
 
@@ -473,6 +473,16 @@ def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[P
         Path(folder)
         for folder in (*folders, *filter(None, os.environ.get(variable, "").split(os.pathsep)))
     ]
+
+
+def similar_file(named: Path, *folders: Path) -> str:
+    """Question for the most similar name of a file with the same ending that is in the folder of a
+    file or in others, with a blank after it; empty where none is, or there is no ending."""
+    ending, names = named.suffix, set[str]()
+    for folder in (named.parent, *folders) if ending else ():
+        with suppress(OSError, ValueError):
+            names |= {name for name in os.listdir(folder) if name.endswith(ending)}
+    return guess(named.name, sorted(names))
 
 
 def in_any_case(path: Path) -> Path | None:

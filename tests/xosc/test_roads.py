@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
 from lxml import etree
 
+import schemas
 from schemas.common.errors import InvalidFile
+from schemas.common.terminal.files import LIBRARY
 from xosc.document.node import Node
 from xosc.document.road_files import VARIABLE, find_roads
 
@@ -94,3 +97,22 @@ def test_a_road_network_that_is_nowhere_is_refused_with_three_ways_out(
         match=r"put it there, name its folder with --road-path .*XOSC_ROAD_PATH.*--road auto",
     ):
         find_roads(logic(tmp_path, name))
+
+
+def test_a_misspelt_road_network_is_guessed(tmp_path: Path) -> None:
+    (tmp_path / "X-Intersection_NCAP.xodr").write_text("")
+    (tmp_path / "notes.txt").write_text("")
+    meant = r"did you mean 'X-Intersection_NCAP\.xodr'\? put it there"
+    with pytest.raises(InvalidFile, match=meant):
+        find_roads(logic(tmp_path, "X-Intersectoin_NCAP.xodr"))
+    with pytest.raises(InvalidFile, match="does not exist: put it there"):
+        find_roads(logic(tmp_path, "Elsewhere.xodr"))
+    checked = tmp_path / "checked.xosc"
+    text = (LIBRARY / "simple_cut_in.xosc").read_text("utf-8")
+    checked.write_text(re.sub('LogicFile filepath="[^"]*"', WRONG, text), "utf-8")
+    told = [str(problem) for problem in schemas.check(checked)]
+    assert any("'X-Intersectoin_NCAP.xodr' in " in text and MEANT in text for text in told)
+
+
+WRONG = 'LogicFile filepath="X-Intersectoin_NCAP.xodr"'
+MEANT = "; did you mean 'X-Intersection_NCAP.xodr'?"

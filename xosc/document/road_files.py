@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 from schemas.checks.road_references import VARIABLE, asked_for, candidates, first
-from schemas.common.errors import InvalidFile, guess
+from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.remarks import Remark
-from schemas.common.storage import above, in_any_case, search_path
+from schemas.common.storage import above, in_any_case, search_path, similar_file
 from xosc.document.node import Node
 
 RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
@@ -83,7 +82,7 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         found = next((file for file in spelt if file and os.path.isfile(file)), None)
     if found is None:
         raise NoRoadNetwork(
-            f"the road network {named} does not exist: {similar_road(named, scenario)}put it "
+            f"the road network {named} does not exist: {similar_file(named, scenario)}put it "
             f"there, name its folder with --road-path (or in {VARIABLE}), or have one made by "
             "--road auto",
             path=logic.path, line=logic.line, element=logic.tag,
@@ -91,13 +90,3 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     return RoadFile(
         found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken")
     )
-
-
-def similar_road(named: Path, *folders: Path) -> str:
-    """Question for the most similar name of a road network that is in the file's own folder or in
-    others, with a blank after it; empty where none is."""
-    names = set[str]()
-    for folder in (named.parent, *folders):
-        with suppress(OSError):
-            names |= {name for name in os.listdir(folder) if name.endswith(named.suffix or ".xodr")}
-    return guess(named.name, sorted(names))

@@ -12,7 +12,7 @@ from schemas.catalogs import DIRECTORIES, ENTRIES, REFERENCES, NoEntry, locate
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, on_cycles, rule, unknown, unresolved
 from schemas.common.policy import current
-from schemas.common.storage import in_any_case
+from schemas.common.storage import in_any_case, similar_file
 from schemas.common.xml import local_name
 
 
@@ -444,6 +444,8 @@ def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
                         "error",
                     )
                     continue
+                if not alike and (meant := similar_file(document.file(name))):
+                    spelt = f"; {meant.strip()}"
                 yield Finding(
                     element,
                     f"{tag}: there is no file {name!r}{place}{spelt}",
