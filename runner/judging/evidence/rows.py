@@ -579,7 +579,7 @@ def _not_driven(run: Observed, ego: Entity, seconds: float) -> str:
 
 
 def _handed_over(run: Observed, ego: Entity, seconds: float) -> str:
-    """When an action of the scenario has handed the ego over."""
+    """Return the time at which an action of the scenario has handed the ego over, in words."""
     entries = (entry for entry in run.sim.log if entry.subject == ego.name)
     handed = next(
         (
