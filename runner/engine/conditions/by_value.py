@@ -155,7 +155,7 @@ class _Expected:
 
     def describe(self, what: str, value: Value | None) -> str:
         """Describe a comparison."""
-        seen = "undefined" if value is None else value
+        seen = "undefined" if value is None else str(value)
         wanted = f"{RULES[self.rule].symbol} {self.expected}"
         return compared(what, seen, wanted, value is not None and self.holds(value))
 
