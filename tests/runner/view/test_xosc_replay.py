@@ -108,7 +108,9 @@ def test_batches_are_compared_by_name_only_as_batches(
     )[0] in (0, 1)
     assert '"against":{"title":"out"' in (again / "report.html").read_text("utf-8")
     compared = command("xosc-run", scenario_file, "--world", "kinematic", "--against", batch)
-    assert "\nsince out: 0 new, " in compared.out  # needs neither an output folder nor a page
+    assert (
+        "\nsince out (none, now cas): 0 new, " in compared.out
+    )  # needs neither an output folder nor a page
     code, _, error = command("xosc-replay", run, "--against", batch)
     assert code == 2
     assert "--against compares whole batches" in error

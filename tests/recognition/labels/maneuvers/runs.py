@@ -41,6 +41,7 @@ def recorded(
     ):
         assert old in text
         text = text.replace(old, new)
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.xosc"
     path.write_text(text)
     done = runner.run(path, parameters=given, sut=None, world="kinematic", timestep=STEP)
