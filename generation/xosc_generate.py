@@ -185,7 +185,9 @@ def _searches(
     catalogue = list(of_catalogue(source))
     if not catalogue:
         raise UsageError(
-            "no scenario with parameters to search is in this folder or those in it", path=source
+            "no scenario with parameters to search and another participant beside the ego is in "
+            "this folder or those in it; single files can be named",
+            path=source,
         )
     for each in catalogue:
         what, name = (
