@@ -6,7 +6,7 @@ this one is not. A name is loaded when it is first used, so that the import itse
     import xosc_toolchain as xt
 
     result = xt.run("xosc/library/simple_cut_in.xosc", sut="adas")
-    print(result.verdict, result.criticality.summary["min_ttc"])
+    print(result.verdict, result.end_time)
 """
 
 from __future__ import annotations

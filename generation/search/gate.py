@@ -224,7 +224,7 @@ class Gate(NamedTuple):
                 f"collisions in {self.drawn} draws of the density; {of}nothing is recorded "
                 "that could be replayed"
             )
-        where = " in arrays" if self.played else ""
+        where = ", others than the unguided ones, in arrays" if self.played else ""
         measured = (
             f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the "
             f"density{where}"
@@ -232,7 +232,8 @@ class Gate(NamedTuple):
         if self.refusal is not None:
             return measured
         if self.testable:
-            return f"{measured}; from {self.power:.2%} on the density would be refused"
+            told = f"it would be refused if {self.power:.2%} of its draws collided"
+            return f"{measured}: the density passes, {told}"
         return (
             f"{measured}: not testable, as so few would pass a density of which "
             f"{TESTABLE:.0%} collides"

@@ -27,13 +27,17 @@ def test_settings_by_name_are_those_of_the_class() -> None:
 
 @pytest.mark.slow
 def test_a_strict_checker_accepts_the_readme_and_no_unknown_setting(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    fences = [part.split("```", 1)[0] for part in text.split("```python\n")[1:]]
-    assert fences
-    (tmp_path / "readme.py").write_text("\n".join(fences))
+    names = list[str]()
+    for page in ("README.md", "docs/tutorials/from-python.md"):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        fences = [part.split("```", 1)[0] for part in text.split("```python\n")[1:]]
+        assert fences
+        for fence in fences:
+            names.append(f"fence{len(names)}.py")
+            (tmp_path / names[-1]).write_text(fence)
     (tmp_path / "wrong.py").write_text(WRONG)
     checked = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "readme.py", "wrong.py"],
+        [sys.executable, "-m", "mypy", "--strict", *names, "wrong.py"],
         cwd=tmp_path,
         capture_output=True,
         text=True,

@@ -77,7 +77,7 @@ def test_few_replays_or_draws_do_not_pass_a_density() -> None:
         assert not few.testable and "not testable" in str(few)
     many = Gate(Share(0, 300), Share(0, 1000))
     assert many.testable and str(many).endswith(
-        f"; from {many.power:.2%} on the density would be refused"
+        f": the density passes, it would be refused if {many.power:.2%} of its draws collided"
     )
     least = round(many.power * 1000)
     assert Gate(many.replayed, Share(least, 1000)).refusal is not None
