@@ -193,7 +193,7 @@ def build(
         >>> result = xt.run("xosc/library/cut_in_highway.xosc", world="kinematic")
         >>> written = write_run(result, Path("run"))
         >>> sorted(xt.recognise([Path("run")], Path("catalogue")).classes)
-        ['highway car following', 'highway cut in', 'right lane change']
+        ['highway car following', 'highway cut in', 'highway free cruise', 'right lane change']
     """
     settings = settings or CatalogueSettings()
     recordings.forget()  # another call in this process may be of other files with the same names
