@@ -278,8 +278,9 @@ class Together:
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
     disagreement. The nearest misses are played by the interpreter as well, so that there are
-    recordings of them. What both have played kinematically must end alike: else there is a defect
-    of ours, or a system whose `control_batch` decides otherwise than its `control`.
+    recordings of them. What both have played must have one verdict, and in the kinematic world one
+    end: else there is a defect of ours, or a system whose `control_batch` decides otherwise than
+    its `control`.
 
     Args:
         jobs: of the batch.
@@ -327,7 +328,7 @@ class Together:
     def contradicted(self) -> bool:
         """Whether runs contradict what arrays made of the same sets: then passes in arrays count
         for nothing."""
-        return self._apart + self._disagreements > 0
+        return self._apart > 0
 
     def checked(self, outcomes: Iterable[Outcome]) -> Generator[Outcome]:
         """The outcomes of the batch; those that contradict the arrays are told."""
@@ -339,7 +340,8 @@ class Together:
         if self._apart:
             self._tell(
                 f"{many(self._apart, 'set')} ended otherwise in arrays than one by one: "
-                "control_batch decides otherwise than control, or it is a defect of ours"
+                "its control_batch decides otherwise than control, or it is a defect of ours; "
+                "passes in arrays count for nothing, --no-batch runs each set"
             )
         if not self._passed and not self._failed:
             self._tell("no set was played to a verdict in arrays")
@@ -348,21 +350,28 @@ class Together:
         self._tell(f"{told}, of which {self._disagreements} did not fail one by one")
 
     def _compare(self, outcome: Outcome, played: _EndInArrays) -> None:
-        name = outcome.job.name
-        if played.state == FAILED and outcome.state != "failed":
-            self._disagreements += 1
-            self._tell(f"{name}: failed in arrays, {outcome.state} one by one")
+        # An error ends a run anywhere; what it had hidden is not known.
+        decided = outcome.state != "error" or played.state == FAILED
+        if played.state in (PASSED, FAILED) and decided and outcome.state != played.state:
+            self._disagreements += played.state == FAILED
+            told = f"{played.state} in arrays, {outcome.state} one by one"
+        elif (
+            self._settings.world == "kinematic"  # on SUMO others may do otherwise
+            and outcome.end_time is not None
+            and (
+                abs(outcome.end_time - played.end_time) > self._settings.timestep / 2.0
+                or outcome.status != played.status
+            )
+        ):
+            told = (
+                f"{played.status} at {played.end_time:.2f} s in arrays, "
+                f"{outcome.status} at {outcome.end_time:.2f} s one by one"
+            )
+        else:
             return
-        if self._settings.world != "kinematic" or outcome.end_time is None:
-            return  # SUMO's others may do otherwise, and an error ends a run anywhere
-        late = abs(outcome.end_time - played.end_time) > self._settings.timestep / 2.0
-        if late or outcome.status != played.status:
-            self._apart += 1
-            if self._apart <= _TOLD:
-                self._tell(
-                    f"{name}: {played.status} at {played.end_time:.2f} s in arrays, "
-                    f"{outcome.status} at {outcome.end_time:.2f} s one by one"
-                )
+        self._apart += 1
+        if self._apart <= _TOLD:
+            self._tell(f"{outcome.job.name}: {told}")
 
     def _size(self) -> int:
         """Jobs that are settled at a time, in each process."""

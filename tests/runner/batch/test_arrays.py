@@ -21,6 +21,7 @@ from runner.batch.options import BatchOptions
 from runner.batch.outputs.terminal import OutcomeTable
 from runner.judging.settings import RunSettings
 from tests.commands import Command
+from tests.runner.files import place, scenario
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CONFORMANCE = Path(__file__).parents[2] / "conformance" / "scenarios"
@@ -275,7 +276,27 @@ class Alike:
 
 class Other(Alike):
     share = 0.8
+
+class Late(Alike):
+    def control(self, observation, dt):
+        return Control((observation.target_speed - observation.ego.speed) / dt)
+    def control_batch(self, observations, dt):
+        return BatchControl(-6.0 + 0.0 * observations.ego.speed)
 """
+
+
+@pytest.mark.parametrize("world", ["kinematic", "sumo"])
+def test_a_pass_in_arrays_alone_is_told_as_a_contradiction(
+    world: str, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = scenario(tmp_path, init=place("Ego", 10, 20) + place("Lead", 60, 0), stop=8.0)
+    (tmp_path / "slower.py").write_text(SLOWER, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    call = ("xosc-run", path, "--batch", "--sut", "slower.py:Late", "--out", tmp_path / "out")
+    answer = command(*call, "--world", world)
+    assert answer.code == 5
+    assert "passed in arrays, failed one by one" in answer.out
+    assert "1 set ended otherwise in arrays than one by one" in answer.out
 
 
 def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> None:
