@@ -115,6 +115,9 @@ def xosc_run(
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier, limit)
         if together is not None and together.contradicted:
             code = gravest([code, ExitCode.INTERNAL])
+            if batch.quiet:  # what the table would say
+                told = "single runs end otherwise than in arrays, whose passes count for nothing"
+                print(f"xosc-run: {told}", file=sys.stderr)
         if limit.stopped and (left := source.planned - table.shown):
             goes_on = "" if batch.out is None else "; --resume goes on"
             told = f"stopped by --maxfail: {left} of {many(source.planned, 'run')} left{goes_on}"

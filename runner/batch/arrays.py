@@ -278,9 +278,9 @@ class Together:
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
     disagreement. The nearest misses are played by the interpreter as well, so that there are
-    recordings of them. What both have played must have one verdict, and in the kinematic world one
-    end: else there is a defect of ours, or a system whose `control_batch` decides otherwise than
-    its `control`.
+    recordings of them, and passes are tried. What both have played must have one verdict, and in
+    the kinematic world one end: else there is a defect of ours, or a system whose `control_batch`
+    decides otherwise than its `control`.
 
     Args:
         jobs: of the batch.
@@ -340,8 +340,8 @@ class Together:
         if self._apart:
             self._tell(
                 f"{many(self._apart, 'set')} ended otherwise in arrays than one by one: "
-                "its control_batch decides otherwise than control, or it is a defect of ours; "
-                "passes in arrays count for nothing, --no-batch runs each set"
+                "the system decides otherwise in control_batch than in control, or it is a defect "
+                "of ours; passes in arrays count for nothing, --no-batch runs each set"
             )
         if not self._passed and not self._failed:
             self._tell("no set was played to a verdict in arrays")
@@ -432,7 +432,7 @@ class Together:
         code, status, end = CODES[PASSED], row["status"], row["end_time"]
         outcome = Outcome(job, PASSED, code, message, status, end, measures)
         distance = row["min_distance"]
-        if self._out is None or distance is None:
+        if distance is None:
             yield outcome
             return
         # By the number of passes, since outcomes of equal distance have no order.

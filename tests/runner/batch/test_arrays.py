@@ -292,8 +292,10 @@ def test_a_pass_in_arrays_alone_is_told_as_a_contradiction(
     path = scenario(tmp_path, init=place("Ego", 10, 20) + place("Lead", 60, 0), stop=8.0)
     (tmp_path / "slower.py").write_text(SLOWER, "utf-8")
     monkeypatch.chdir(tmp_path)
-    call = ("xosc-run", path, "--batch", "--sut", "slower.py:Late", "--out", tmp_path / "out")
-    answer = command(*call, "--world", world)
+    call = ("xosc-run", path, "--batch", "--sut", "slower.py:Late", "--world", world)
+    quiet = command(*call, "-q")  # without a folder, too
+    assert quiet.code == 5 and "whose passes count for nothing" in quiet.err
+    answer = command(*call, "--out", tmp_path / "out")
     assert answer.code == 5
     assert "passed in arrays, failed one by one" in answer.out
     assert "1 set ended otherwise in arrays than one by one" in answer.out
