@@ -334,12 +334,9 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     lane = held(raw, course, hold)
     row, left = _sideways(scene, lane, begins)
     kept = _is_held(lane, course, row, hold) & along_road(scene, row)
-    row, left = row[kept], left[kept]
-    deep = _depths(scene, lane, course, side, row, left) >= scene.rules.depth
-    row, left = row[deep], left[deep]
-    shift = _shifts(scene, lane, course, side, row, left)
+    whole = _LaneStays(scene, lane, course, side).changes(row[kept], left[kept])
     return LaneChanges(
-        lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins)
+        lane, steps, course, side, *whole, _partial(scene, raw, course, side, begins)
     )
 
 
@@ -385,10 +382,7 @@ def _partial(
     near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
     row, left = row[near], left[near]
     kept = along_road(scene, row)
-    row, left = row[kept], left[kept]
-    deep = _depths(scene, lane, course, side, row, left) >= scene.rules.depth
-    row, left = row[deep], left[deep]
-    return Changes(row, left, _shifts(scene, lane, course, side, row, left))
+    return _LaneStays(scene, lane, course, side).changes(row[kept], left[kept])
 
 
 def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
@@ -469,60 +463,55 @@ def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
     return side - side[_first(begins)]
 
 
-def _shifts(
-    scene: SceneRows,
-    lane: IntArray,
-    course: IntArray,
-    side: FloatArray,
-    rows: IntArray,
-    left: BoolArray,
-) -> FloatArray:
-    """Displacement from the outermost place before to the outermost place after each change, within
-    its two stays."""
-    earliest, latest = _about(scene, lane, course, rows)
-    towards = np.where(left, 1.0, -1.0)
-    # From the outermost place on one side to the outermost on the other: a vehicle that swings out
-    # first covers more than from border to border.
-    shifts = [
-        (sign * side[row:end]).max() - (sign * side[start:row]).min()
-        for row, start, end, sign in zip(
-            rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True
-        )
-    ]
-    return np.array(shifts, np.float64)
+class _LaneStays(NamedTuple):
+    """Lanes, courses and lateral ways of all rows, as in `LaneChanges`."""
 
+    scene: SceneRows
+    lane: IntArray
+    course: IntArray
+    side: FloatArray
 
-def _about(
-    scene: SceneRows, lane: IntArray, course: IntArray, rows: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Return the first row, and the one after the last, of the two stays about each change, within
-    `rules.shift_time`."""
-    reach = scene.rows(scene.rules.shift_time)
-    starts, sizes = stays(lane, course)
-    place = np.searchsorted(starts, rows)
-    return np.maximum(rows - reach, starts[place - 1]), np.minimum(
-        rows + reach, rows + sizes[place]
-    )
+    def changes(self, row: IntArray, left: BoolArray) -> Changes:
+        """Changes into the stays that begin with rows, of `rules.depth` at least."""
+        deep = self._depths(row, left) >= self.scene.rules.depth
+        row, left = row[deep], left[deep]
+        return Changes(row, left, self._shifts(row, left))
 
+    def _depths(self, rows: IntArray, left: BoolArray) -> FloatArray:
+        """Greatest way (m) beyond the border that each change crosses, within its stay after it."""
+        _, latest = self._about(rows)
+        scene, side, towards = self.scene, self.side, np.where(left, 1.0, -1.0)
+        # At the border the offset is half the width of the new lane, to the side that is left.
+        entered = 0.5 * scene.site.lanes.width[scene.strip[rows]] + towards * scene.offset[rows]
+        further = [
+            (sign * (side[row:end] - side[row])).max()
+            for row, end, sign in zip(rows.tolist(), latest.tolist(), towards.tolist(), strict=True)
+        ]
+        return entered + np.array(further, np.float64)
 
-def _depths(
-    scene: SceneRows,
-    lane: IntArray,
-    course: IntArray,
-    side: FloatArray,
-    rows: IntArray,
-    left: BoolArray,
-) -> FloatArray:
-    """Greatest way (m) beyond the border that each change crosses, within its stay after it."""
-    _, latest = _about(scene, lane, course, rows)
-    towards = np.where(left, 1.0, -1.0)
-    # At the border the offset is half the width of the new lane, to the side that is left.
-    entered = 0.5 * scene.site.lanes.width[scene.strip[rows]] + towards * scene.offset[rows]
-    further = [
-        (sign * (side[row:end] - side[row])).max()
-        for row, end, sign in zip(rows.tolist(), latest.tolist(), towards.tolist(), strict=True)
-    ]
-    return entered + np.array(further, np.float64)
+    def _shifts(self, rows: IntArray, left: BoolArray) -> FloatArray:
+        """Displacement from the outermost place before to the outermost place after each change,
+        within its two stays."""
+        earliest, latest = self._about(rows)
+        side, towards = self.side, np.where(left, 1.0, -1.0)
+        # From the outermost place on one side to the outermost on the other: a vehicle that swings
+        # out first covers more than from border to border.
+        shifts = [
+            (sign * side[row:end]).max() - (sign * side[start:row]).min()
+            for row, start, end, sign in zip(
+                rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True
+            )
+        ]
+        return np.array(shifts, np.float64)
+
+    def _about(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """First row, and the one after the last, of the two stays about each change, within
+        `rules.shift_time`."""
+        reach = self.scene.rows(self.scene.rules.shift_time)
+        starts, sizes = stays(self.lane, self.course)
+        place = np.searchsorted(starts, rows)
+        earliest = np.maximum(rows - reach, starts[place - 1])
+        return earliest, np.minimum(rows + reach, rows + sizes[place])
 
 
 @dataclass(frozen=True, eq=False)
