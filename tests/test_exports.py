@@ -4,6 +4,7 @@ standard's versions with the same motion.
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 from collections.abc import Callable
@@ -152,9 +153,25 @@ def test_lane_layers_are_lost_with_a_word_on_the_action_and_on_the_road(
         )
 
 
+OTHERWISE = ("Performance asks for that", "where the steady state or the tolerance begins")
+"""Of remarks on what an older version plays otherwise"""
+
+
+def _moves_as(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether rows of `motion` are the same within 1 mm, 1 mrad and 1 mm/s: curves that a version
+    lacks are polylines. Headings that differ by a turn are one heading."""
+    if before.shape != after.shape:
+        return False
+    apart = np.abs(before - after)
+    apart[:, 4] = np.abs(np.mod(apart[:, 4] + math.pi, 2.0 * math.pi) - math.pi)
+    return bool((apart <= 1e-3).all())
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("target", [*VERSIONS, "esmini"])
-def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: Path) -> None:
+def test_public_scenarios_move_as_before_or_are_said_not_to(
+    target: str, corpora: Path, tmp_path: Path
+) -> None:
     same = 0
     for path in sorted(corpora.rglob("*.xosc")):
         try:
@@ -167,10 +184,10 @@ def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: P
         (done,) = export_documents([path], TARGETS[target], folder)
         if done.exit_code == 0:
             got = motion(Job(path.stem, path, folder.path / path.name))
-            assert all(
-                np.allclose(rows, got[name], rtol=0.0, atol=1e-6) for name, rows in expected.items()
-            ), path
-            same += 1
+            if all(_moves_as(rows, got[name]) for name, rows in expected.items()):
+                same += 1
+            else:
+                assert any(words in remark for words in OTHERWISE for remark in done.remarks), path
     assert same >= 10
 
 

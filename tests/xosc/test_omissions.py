@@ -165,8 +165,9 @@ def test_a_storyboard_without_stories_gets_one_that_does_nothing(
     assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())
 
 
-def test_transitions_that_keep_to_their_times_are_told(tmp_path: Path) -> None:
-    slowly = speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2"')
+@pytest.mark.parametrize("dimension", ["time", "rate", "distance"])
+def test_transitions_that_keep_to_their_dynamics_are_told(dimension: str, tmp_path: Path) -> None:
+    slowly = speed_action(5, f'dynamicsShape="linear" dynamicsDimension="{dimension}" value="2"')
     path = scenario(tmp_path, stories=story("Lead", [(0.5, slowly)]))
     (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
     assert (
