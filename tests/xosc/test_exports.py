@@ -481,3 +481,19 @@ def test_a_catalogue_entry_is_refused_where_it_stands(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("<CatalogLocations/>", located))
     with pytest.raises(Unsupported, match=r"routes\.xosc:4: Route: esmini's routes are open"):
         esmini.export(path, "esmini", Folder(tmp_path / "out"))
+
+
+def test_an_export_differs_from_its_file_where_it_says_something_else(tmp_path: Path) -> None:
+    source = scenario(tmp_path)
+    text = re.sub(r"<\?xml.*?\?>", "", source.read_text()).strip().replace("/>", " />")
+    text = text.replace("><", ">\n      <").replace("<FileHeader ", "<FileHeader\n        ")
+    text = f'<?xml version="1.0" encoding="utf-8"?>\n<!-- whose -->\n<!-- /> mine -->\n{text}\n'
+    source.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    standard.export(source, "1.3", Folder(tmp_path / "out"))
+
+    old, new = source.read_bytes(), (tmp_path / "out" / source.name).read_bytes()
+    assert new != old
+    assert new.startswith(b"\xef\xbb\xbf") and new.count(b"\r\n") == new.count(b"\n")
+    changed = set(new.splitlines()) - set(old.splitlines())
+    assert all(b"FileHeader" in line or b"LogicFile" in line for line in changed)
+    assert schemas.check(tmp_path / "out" / source.name) == schemas.check(source)

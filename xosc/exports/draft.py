@@ -36,6 +36,8 @@ class Folder:
 
     def __init__(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         self.path, self._overwrite = Path(path), overwrite
+        self.written: dict[str, None] = {}
+        """Names of the files that were written or are the same, in order."""
         self._names: dict[tuple[str, str], str] = {}
 
     def name(self, source: str | os.PathLike[str], preferred: str) -> str:
@@ -81,6 +83,7 @@ class Folder:
                 )
                 raise UsageError(what, path=path)
             keep(content, path)
+            self.written[name] = None
         except OSError as error:
             raise NotWritten(
                 f"the file can't be written: {error.strerror or error}", path=path

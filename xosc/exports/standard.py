@@ -8,12 +8,15 @@ has no distributions.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from difflib import SequenceMatcher
 from pathlib import Path
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.fates import changed, kept, lost
+from schemas.common.storage import read_bytes
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.document.road_files import NoRoadNetwork
@@ -87,7 +90,7 @@ def export(
         return scenario(document, version, Draft(folder, settings))
     draft = Draft(folder, settings)
     draft.note(*document.remarks)
-    draft.add(catalog_name(source, folder), to_bytes(_catalog(document, version, draft)))
+    draft.add(catalog_name(source, folder), _as_written(_catalog(document, version, draft)))
     return draft.write()
 
 
@@ -120,7 +123,7 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     """
     changed = copied(document)
     draft.note(*document.remarks)
-    take_catalogs(changed, draft, lambda catalog: to_bytes(_catalog(catalog, version, draft)))
+    take_catalogs(changed, draft, lambda catalog: _as_written(_catalog(catalog, version, draft)))
     try:
         take_roads(changed, draft)
     except NoRoadNetwork as missing:
@@ -129,7 +132,64 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
         rest, _, _ = str(missing).partition(": put it there")
         draft.note(f"{rest}: it is named as before")
     named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
-    draft.add(named, to_bytes(in_version(changed, version or changed.version, draft)))
+    draft.add(named, _as_written(in_version(changed, version or changed.version, draft)))
+
+
+_TAG = re.compile(rb"""<!--.*?-->|<(?:[^<>"']|"[^"]*"|'[^']*')*>""", re.DOTALL)
+
+
+def _as_written(document: Document) -> bytes:
+    """Content of a document, with the bytes of its file where both say the same: a diff of both
+    shows what has changed, not other spaces, quotes or ends of lines."""
+    content = to_bytes(document)
+    try:
+        source = read_bytes(document.path)
+        source.decode("utf-8-sig")
+    except (InvalidFile, UnicodeDecodeError):  # of no file, or in another encoding
+        return content
+    end = b"\r\n" if source.count(b"\r\n") > source.count(b"\n") / 2 else b"\n"
+    tags, texts = _tokens(content)
+    old_tags, old_texts = _tokens(source)
+    places = _places([_plain(tag) for tag in tags], [_plain(tag) for tag in old_tags])
+    written = [old_texts[0] if places.get(0) == 0 else texts[0]]
+    for at, (tag, text) in enumerate(zip(tags, texts[1:], strict=True)):
+        old = places.get(at)
+        last = at == len(tags) - 1
+        follows = old is not None and (
+            old == len(old_tags) - 1 if last else places.get(at + 1) == old + 1
+        )
+        same = old is not None and _plain(tag) == _plain(old_tags[old])
+        written.append(old_tags[old] if same and old is not None else tag)
+        if old is not None and follows and old_texts[old + 1].split() == text.split():
+            written.append(old_texts[old + 1])
+        else:
+            written.append(text.replace(b"\n", end))
+    return b"".join(written)
+
+
+def _tokens(content: bytes) -> tuple[list[bytes], list[bytes]]:
+    """Tags and comments of a file, and the texts before, between and after them."""
+    tags = _TAG.findall(content)
+    return tags, _TAG.split(content)
+
+
+def _plain(tag: bytes) -> bytes:
+    """A tag without what says nothing: spaces; how the declaration is written, in UTF-8."""
+    if tag.startswith(b"<!--"):
+        return tag.replace(b"\r\n", b"\n")
+    if tag.startswith(b"<?xml"):
+        return b"<?xml?>"
+    return re.sub(rb"\s+(/?>)\Z", rb"\1", b" ".join(tag.split()))
+
+
+def _places(new: Sequence[bytes], old: Sequence[bytes]) -> dict[int, int]:
+    """Places of tags in the old file by places in the new one; of changed tags too, where as many
+    stand there."""
+    places: dict[int, int] = {}
+    for _, first, last, start, stop in SequenceMatcher(None, new, old).get_opcodes():
+        if last - first == stop - start:
+            places.update(zip(range(first, last), range(start, stop), strict=True))
+    return places
 
 
 def add_worked_out(
@@ -220,7 +280,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
             "filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc")
         )
         trial.note(*document.remarks)
-        trial.add(draft.folder.name(document.path, document.path.name), to_bytes(changed))
+        trial.add(draft.folder.name(document.path, document.path.name), _as_written(changed))
         return trial.write()
     except (Unsupported, InvalidFile) as error:
         return write_sets(

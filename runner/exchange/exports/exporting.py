@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from xosc.exports.draft import Folder
 
 
+_MOST_FAULTS = 3
+"""Errors of an exported file that are told; `xosc-check` tells all."""
+
+
 class Exported(NamedTuple):
     """Outcome of one export.
 
@@ -58,10 +62,31 @@ def export_documents(
     for source in sources:
         try:
             with limited():
+                before = len(folder.written)
                 remarks = module.export(source, target.name, folder, chosen)
-            yield Exported(str(source), 0, remarks)
+                faults = _faults(folder, list(folder.written)[before:])
+            yield Exported(str(source), 0, [*remarks, *faults])
         except Exception as error:  # a defect of ours is reported too, the other files go on
             yield _refused(str(source), error)
+
+
+def _faults(folder: Folder, names: Iterable[str]) -> Iterator[str]:
+    """Errors that a check finds in files of an export: they come from their sources, since no
+    repair has one sensible meaning for them."""
+    from schemas.checks.checker import check
+
+    for name in names:
+        if not name.endswith((".xosc", ".xodr")):
+            continue
+        errors = [problem for problem in check(folder.path / name) if problem.level == "error"]
+        if errors:
+            lines: dict[str, int | None] = {}
+            for problem in errors:
+                lines.setdefault(problem.message, problem.line)
+            told = [f"{line}: {text}" if line else text for text, line in lines.items()]
+            more = f"; and {len(told) - _MOST_FAULTS} others" if len(told) > _MOST_FAULTS else ""
+            count = "1 error stays" if len(errors) == 1 else f"{len(errors)} errors stay"
+            yield f"{name}: {count}, as xosc-check says: {'; '.join(told[:_MOST_FAULTS])}{more}"
 
 
 def _export_settings(settings: RunSettings, selection: Selection) -> ExportSettings:

@@ -42,6 +42,25 @@ def xosc_export(command: Command) -> Command:
     return partial(command, "xosc-export")
 
 
+def test_errors_that_stay_in_the_exported_files_are_told(
+    xosc_export: Command, tmp_path: Path
+) -> None:
+    source = scenario(tmp_path / "in", "a", stories=BRAKES)
+    text = source.read_text()
+    condition = (
+        '<Condition name="criteria" delay="0" conditionEdge="rising"><ByValueCondition>'
+        '<ParameterCondition parameterRef="" value="1" rule="lessThan"/>'
+        "</ByValueCondition></Condition>"
+    )
+    at = text.rindex("</ConditionGroup>")
+    source.write_text(text[:at] + condition * 2 + text[at:])
+    answer = xosc_export(source, "--to", "1.2", "--out", tmp_path / "out")
+    assert answer.code == 0
+    (told,) = [line for line in answer.out.splitlines() if "errors stay" in line]
+    assert told.startswith("  a.xosc: 3 errors stay, as xosc-check says: ")
+    assert "parameterRef: there is no parameter ''" in told and told.count("parameterRef") == 1
+
+
 def test_a_folder_is_exported_file_by_file(xosc_export: Command, tmp_path: Path) -> None:
     for name in ("a", "b"):
         scenario(tmp_path / "in", name, stories=BRAKES)
