@@ -36,7 +36,7 @@ class Folder:
 
     def __init__(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         self.path, self._overwrite = Path(path), overwrite
-        self.written: dict[str, None] = {}
+        self.produced: dict[str, None] = {}
         """Names of the files that were written or are the same, in order."""
         self._names: dict[tuple[str, str], str] = {}
 
@@ -83,7 +83,7 @@ class Folder:
                 )
                 raise UsageError(what, path=path)
             keep(content, path)
-            self.written[name] = None
+            self.produced[name] = None
         except OSError as error:
             raise NotWritten(
                 f"the file can't be written: {error.strerror or error}", path=path

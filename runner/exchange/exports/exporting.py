@@ -62,9 +62,9 @@ def export_documents(
     for source in sources:
         try:
             with limited():
-                before = len(folder.written)
+                before = len(folder.produced)
                 remarks = module.export(source, target.name, folder, chosen)
-                faults = _faults(folder, list(folder.written)[before:])
+                faults = _faults(folder, list(folder.produced)[before:])
             yield Exported(str(source), 0, [*remarks, *faults])
         except Exception as error:  # a defect of ours is reported too, the other files go on
             yield _refused(str(source), error)
