@@ -80,7 +80,7 @@ def xosc_generate(
         typer.Argument(
             metavar="SCENARIO_OR_CATALOGUE",
             autocompletion=complete_name,
-            help="A scenario, a variation file, a shipped one's name, or a catalogue's folder.",
+            help="A scenario, a variation file, a name, a catalogue, or a class's folder in it.",
         ),
     ],
     out: Annotated[

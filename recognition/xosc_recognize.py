@@ -70,7 +70,10 @@ class Sorting:
         None, "Model to label by.  [default: the one shipped]", metavar="DIR"
     )
     signalised: bool = option(
-        False, "Let the rules count junctions with traffic lights as well.", "--signalised"
+        False,
+        "Let the rules count junctions with traffic lights as well, in classes that are called "
+        "unsignalised all the same.",
+        "--signalised",
     )
 
 
@@ -465,7 +468,7 @@ def find(
     given: RecordingOptions,
     signalised: Annotated[
         bool,
-        typer.Option("--signalised", help="Count junctions with traffic lights as well."),
+        typer.Option("--signalised", help="Count junctions with traffic lights, too."),
     ] = False,
     jobs: Jobs = 1,
     ray: Ray = None,

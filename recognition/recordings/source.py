@@ -365,7 +365,7 @@ def _find(path: Path, roads: Path, columns: Path | None) -> tuple[list[Source], 
 
 
 _BESIDE = re.compile(
-    r".*(_tracksMeta|_recordingMeta|meta_data)\.csv|pedestrian_tracks_\d+\.csv|log_map_archive.*|"
+    r".*(_tracksMeta|_recordingMeta|meta_data)\.csv|(pedestrian_track|signal_phase)s_\d+\.csv|log_map_archive.*|"
     r"Ped_smoothed_tracks\.csv|(Veh|Ped)_tracks_meta\.csv|Traff?ic_?Lights?.*\.(csv|xlsx)|reco(r)?ding_metas\.csv|.*(?<!_tracks)\.(xodr|osm|md|rst|pdf|html|"
     r"docx?|png|jpe?g|svg|gif|mp4|avi|py|ipynb|toml|ya?ml|lock|log|sha256|md5|xosc|jsonl|sumocfg)|.*\.roles\.json|LICEN[CS]E.*|"
     r"README.*|dataset_(summary|mapping)\.pkl|CITATION.*|NOTICE.*|\..*",

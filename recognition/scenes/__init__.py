@@ -67,8 +67,10 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
             return source.road(recording, folder)
     what = (
         f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map "
-        f"{source.site}.osm; --road names one, and xosc-recognize replay needs none where traffic "
-        "goes straight along x"
+        f"{source.site}.osm. A road: --road FILE or its name, as --road highway_straight (lanes "
+        "along x, 0 to 2,000 m, at y = -1.9, -5.6 and -9.4 m); scenarios without classes on a "
+        "plane: "
+        f"xosc-recognize replay {source.path.name} --out DIR"
     )
     raise UsageError(what, path=source.path)
 

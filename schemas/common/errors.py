@@ -314,11 +314,15 @@ def like_or_nearest(text: str, names: Iterable[str]) -> str:
     )
 
 
+_MOST_NAMES = 100
+"""Names that a hint lists at most: more than an index has columns"""
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [name for name in names if name]
     return similar(name, names) or (
-        f"there are: {', '.join(names[:60])}{', …' if len(names) > 60 else ''}"
+        f"there are: {', '.join(names[:_MOST_NAMES])}{', …' if len(names) > _MOST_NAMES else ''}"
         if names
         else "there are none"
     )

@@ -35,6 +35,11 @@ def test_a_strict_checker_accepts_the_readme_and_no_unknown_setting(tmp_path: Pa
         for fence in fences:
             names.append(f"fence{len(names)}.py")
             (tmp_path / names[-1]).write_text(fence)
+    text = (ROOT / "docs/tutorials/your-own-system.md").read_text(encoding="utf-8")
+    own, compared = [part.split("```", 1)[0] for part in text.split("```python\n")[1:]]
+    for name, fence in {"my_driver.py": own, "compared.py": compared}.items():
+        names.append(name)
+        (tmp_path / name).write_text(fence)
     (tmp_path / "wrong.py").write_text(WRONG)
     checked = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", *names, "wrong.py"],

@@ -12,7 +12,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.terminal.files import LIBRARY
 from tests.commands import Command
 from tests.xosc.conftest import Writer
-from xosc.listing import ListedParameter, listing, to_csv, to_json
+from xosc.listing import ListedParameter, listing, to_csv, to_json, xosc_list
 from xosc.writing.tags import Tag, properties
 
 PARAMETERS = """
@@ -204,3 +204,18 @@ def test_what_is_no_openscenario_is_refused(tmp_path: Path) -> None:
     (tmp_path / "note.xosc").write_text("<note/>")
     with pytest.raises(InvalidFile, match=r"note\.xosc"):
         listing([str(tmp_path)])
+
+
+def test_a_terminal_shows_the_beginning_of_a_long_list_and_how_to_narrow_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    content = "".join(f"{number}\n" for number in range(1000))
+    assert xosc_list._cut(content, None) == content  # as the tests' output is no terminal
+    monkeypatch.setattr(xosc_list.sys.stdout, "isatty", lambda: True, raising=False)
+    shown = xosc_list._cut(content, None).splitlines()
+    assert shown[:200] == content.splitlines()[:200]
+    assert shown[200:] == [
+        "... 800 of 1,000 lines are left out: --where or --class narrows them, --output FILE or a "
+        "pipe has all"
+    ]
+    assert xosc_list._cut(content, tmp_path / "list.txt") == content

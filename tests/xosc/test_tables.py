@@ -149,7 +149,7 @@ def test_a_search_is_asked_too(tmp_path: Path, command: Command) -> None:
         (("a", "--where", "read_text('/etc/passwd') = 'x'"), ("position 1 (read_text): "
                                                              "there is no such column")),
         (("a", "--where", "state"), "a comparison is expected"),
-        (("a", "--sort", "ttc"), "--sort: there is no column 'ttc'"),
+        (("a", "--sort", "ttc"), "--sort: there is no column 'ttc'; did you mean 'min_ttc'?"),
         (("a", "--columns", "nme"), "--columns: there is no column 'nme'; did you mean 'name'?"),
         (("a", "--distinct"), "--distinct is for catalogues, these are runs"),
         (("a", "--copy-to", "copy"), "--copy-to is for catalogues, these are runs"),

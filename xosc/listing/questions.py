@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, UsageError, like_or_nearest, nearest
+from schemas.common.errors import InvalidFile, UsageError, like_or_nearest
 from xosc.document import load
-from xosc.listing.tables import BATCH, Index
+from xosc.listing.tables import BATCH, Index, column_hint
 from xosc.writing.tags import tags_of
 
 if TYPE_CHECKING:
@@ -247,7 +247,7 @@ class _ConditionParser:
         kind = _type_of(self._schema, token.text)
         if kind is None:
             raise self._wrong(
-                token, f"there is no such column; {nearest(token.text, self._schema.names)}"
+                token, f"there is no such column; {column_hint(token.text, self._schema.names)}"
             )
         self._columns[token.text] = None
         return _Operand(pc.field(token.text), kind, token)
@@ -287,7 +287,7 @@ def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
         column = name.removeprefix("-")
         if column not in table.column_names:
             raise UsageError(
-                f"--sort: there is no column {column!r}; {nearest(column, table.column_names)}"
+                f"--sort: there is no column {column!r}; {column_hint(column, table.column_names)}"
             )
         keys.append((column, "descending" if name.startswith("-") else "ascending"))
     last = [(name, "ascending") for name in (BATCH, "file", "name") if name in table.column_names]

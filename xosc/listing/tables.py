@@ -302,6 +302,19 @@ def _numbers(values: list[Any]) -> list[Any]:
         return values
 
 
+_SYNONYMS = {
+    "ego": "vehicle", "other": "partner", "speed": "ego_speed", "ttc": "min_ttc", "thw": "min_thw",
+    "drac": "max_drac", "label": "class", "date": "day", "road": "road_kind", "outcome": "verdict",
+}  # fmt: skip
+"""Columns by other words for them"""
+
+
+def column_hint(name: str, names: Sequence[str]) -> str:
+    """Return the hint for an unknown column: what it is called here, else as `nearest`."""
+    called = _SYNONYMS.get(name.casefold(), "")
+    return f"did you mean {called!r}?" if called in names else nearest(name, names)
+
+
 def chosen(names: Sequence[str], table: pa.Table) -> list[str]:
     """Return the columns that `--columns` names.
 
@@ -311,7 +324,9 @@ def chosen(names: Sequence[str], table: pa.Table) -> list[str]:
     columns = [name.strip() for text in names for name in text.split(",") if name.strip()]
     for name in columns:
         if name not in table.column_names:
-            told = f"--columns: there is no column {name!r}; {nearest(name, table.column_names)}"
+            told = (
+                f"--columns: there is no column {name!r}; {column_hint(name, table.column_names)}"
+            )
             raise UsageError(told)
     return list(dict.fromkeys(columns))
 

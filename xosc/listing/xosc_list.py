@@ -171,9 +171,25 @@ def xosc_list(
             f"{copy_scenarios(chosen.scenarios, folder)} files copied to {folder.path}",
             to=sys.stderr,
         )
-    content = text(chosen, verbose) if format == "text" else FORMATS[format](chosen)
+    content = _cut(text(chosen, verbose), output) if format == "text" else FORMATS[format](chosen)
     deliver(content, "the list", output)
     raise typer.Exit(gravest(codes))
+
+
+_MOST_LINES = 200
+"""Lines of text up to which a terminal shows a list whole"""
+
+
+def _cut(content: str, output: Path | None) -> str:
+    """Text of a list, cut for a person at a terminal; whole for files and pipes."""
+    lines = content.splitlines()
+    if output is not None or not sys.stdout.isatty() or len(lines) <= _MOST_LINES:
+        return content
+    left = (
+        f"... {len(lines) - _MOST_LINES:,} of {len(lines):,} lines are left out: --where or "
+        "--class narrows them, --output FILE or a pipe has all"
+    )
+    return "\n".join([*lines[:_MOST_LINES], left]) + "\n"
 
 
 def _folder(path: Path | None, overwrite: bool) -> Folder | None:
@@ -251,6 +267,7 @@ def _deliver_rows(answer: Index, shown: list[str], format: str, output: Path | N
 
     if format != "parquet":
         content = of_rows(answer.table.to_pylist(), shown, format, answer.noun)
+        content = _cut(content, output) if format == "text" else content
         deliver(content, "the list", output)
         return
     if output is None:

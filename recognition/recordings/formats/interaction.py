@@ -203,7 +203,14 @@ def _read(path: Path) -> tuple[Recording, Report]:
         more, other = _tracks(_table(pedestrians), step, taken)
         tracks += more
         report.add(other)
+    phases = path.with_name(path.name.replace("vehicle_tracks_", "signal_phases_"))
+    if phases != path and phases.is_file():
+        report.remarks.append(_unread(phases.name))
     return Recording(tracks, step, None), report
+
+
+def _unread(name: str) -> str:
+    return f"{name}: the states of traffic lights are not read, as it does not say where they stand"
 
 
 def _step(table: Table) -> float:
@@ -405,10 +412,7 @@ def _read_sind(path: Path) -> tuple[Recording, Report]:
         more, other = _sind_tracks(read_table(beside, _SIND_COLUMNS), step, taken)
         tracks += more
         report.add(other)
-    report.remarks += (
-        f"{name}: the states of traffic lights are not read, as it does not say where they stand"
-        for name in _lights(path.parent)
-    )
+    report.remarks += map(_unread, _lights(path.parent))
     return Recording(tracks, step, None), report
 
 

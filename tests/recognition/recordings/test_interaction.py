@@ -336,3 +336,14 @@ def test_recording_of_which_nothing_is_left_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidFile, match="no track is left") as raised:
         read(path)
     assert raised.value.path == str(path)
+
+
+def test_phases_of_lights_beside_tracks_belong_to_them_and_are_told(tmp_path: Path) -> None:
+    folder = tmp_path / "k733_2020-09-15"
+    write_csv(folder / "vehicle_tracks_000.csv", interaction_rows(*CAR))
+    write_csv(folder / "signal_phases_000.csv", [{"signal_group_id": 1, "timestamp_ms": 0}])
+    found = datasets.open(folder)
+    assert found.skipped == []
+    _, report = read(folder)
+    (told,) = [remark for remark in report.remarks if remark.startswith("signal_phases_000.csv: ")]
+    assert "not read" in told
