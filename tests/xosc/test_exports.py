@@ -497,3 +497,16 @@ def test_an_export_differs_from_its_file_where_it_says_something_else(tmp_path: 
     changed = set(new.splitlines()) - set(old.splitlines())
     assert all(b"FileHeader" in line or b"LogicFile" in line for line in changed)
     assert schemas.check(tmp_path / "out" / source.name) == schemas.check(source)
+
+
+def test_what_is_added_to_a_file_of_another_encoding_is_read_as_it_is_meant(
+    tmp_path: Path,
+) -> None:
+    source = scenario(tmp_path)
+    text = re.sub(r"<\?xml.*?\?>", "", source.read_text()).strip()
+    named = re.sub(r'author="[^"]*"', 'author="J&#252;rgen"', text, count=1)
+    source.write_text(f'<?xml version="1.0" encoding="ISO-8859-1"?>\n{named}\n')
+    standard.export(source, "1.3", Folder(tmp_path / "out"))
+    written = xosc.load(tmp_path / "out" / source.name).root
+    header = written.find("FileHeader")
+    assert header is not None and header.get("author") == "Jürgen"

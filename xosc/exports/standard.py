@@ -135,6 +135,7 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     draft.add(named, _as_written(in_version(changed, version or changed.version, draft)))
 
 
+_OTHER_ENCODING = re.compile(rb"""\sencoding\s*=\s*["'](?!utf-8["'])""", re.IGNORECASE)
 _TAG = re.compile(rb"""<!--.*?-->|<(?:[^<>"']|"[^"]*"|'[^']*')*>""", re.DOTALL)
 
 
@@ -174,10 +175,11 @@ def _tokens(content: bytes) -> tuple[list[bytes], list[bytes]]:
 
 
 def _plain(tag: bytes) -> bytes:
-    """A tag without what says nothing: spaces; how the declaration is written, in UTF-8."""
+    """A tag without what says nothing: spaces, and how a declaration of UTF-8 is written. One of
+    another encoding would be wrong for what is added."""
     if tag.startswith(b"<!--"):
         return tag.replace(b"\r\n", b"\n")
-    if tag.startswith(b"<?xml"):
+    if tag.startswith(b"<?xml") and not _OTHER_ENCODING.search(tag):
         return b"<?xml?>"
     return re.sub(rb"\s+(/?>)\Z", rb"\1", b" ".join(tag.split()))
 
