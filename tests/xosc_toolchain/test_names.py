@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import xosc_toolchain as xt
+from schemas.common.errors import UsageError
+from schemas.common.terminal.files import expand
 from tests.commands import Command
 
 ROOT = Path(__file__).parents[2]
@@ -143,3 +145,19 @@ def test_commands_take_the_name_of_a_shipped_road(folder: Path, command: Command
 def test_a_misspelt_argument_of_run_gets_a_suggestion() -> None:
     with pytest.raises(xt.ToolchainError, match="did you mean 'parameters'"):
         xt.run(NAME, paramters={"Lead_Headway_s": 1})  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    "path", ["xosc/library/simple_cut_in.xosc", "xosc/library", "xosc/library/cut_in_*.xosc"]
+)
+def test_paths_of_documents_stand_for_shipped_files_without_a_clone(
+    path: str, folder: Path
+) -> None:
+    beneath = path.removeprefix("xosc/library").lstrip("/")
+    assert expand([path]) == expand([str(LIBRARY / beneath)]) != []
+    own = folder / "xosc" / "library" / "simple_cut_in.xosc"
+    own.parent.mkdir(parents=True)
+    with pytest.raises(UsageError, match="stands for no"):
+        expand(["xosc/library"])  # a folder of the user's comes first
+    own.touch()
+    assert expand(["xosc/library"]) == [own.relative_to(folder)]

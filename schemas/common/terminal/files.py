@@ -50,7 +50,7 @@ def named(path: Path) -> Path:
     Raises:
         InvalidFile: there is none, with the most similar name.
     """
-    name = str(path)
+    name, path = str(path), _in_clone(path)
     if path.suffix or path.name != name or os.path.lexists(path):
         return path
     own = path.with_suffix(".xosc")
@@ -73,13 +73,23 @@ def named_road(path: Path) -> Path:
     Raises:
         InvalidFile: there is none, with the most similar name.
     """
-    name = str(path)
+    name, path = str(path), _in_clone(path)
     if path.suffix or path.name != name or os.path.lexists(path):
         return path
     if name in shipped_roads():
         return _relative(ROADS / f"{name}.xodr")
     told = f"neither a file nor the name of a shipped road; {nearest(name, shipped_roads())}"
     raise InvalidFile(told, path=path)
+
+
+def _in_clone(path: Path) -> Path:
+    """Return the shipped file or folder that a path as in a clone (`xosc/library/…`), of which
+    documents speak, stands for where there is no clone; any other path as it is."""
+    for folder in (LIBRARY, ROADS):
+        beneath = Path(*folder.parts[-2:])
+        if path.is_relative_to(beneath) and not os.path.lexists(beneath):
+            return folder / path.relative_to(beneath)
+    return path
 
 
 @cache
@@ -127,7 +137,8 @@ def _remark(path: Path) -> None:
 def _expand(argument: str) -> list[Path]:
     if not str(argument).strip():
         raise UsageError("an empty name stands for no file; '.' is the working folder")
-    path = Path(argument)
+    path = _in_clone(Path(argument))
+    argument = argument if path == Path(argument) else str(path)
     try:
         is_glob = has_magic(argument) and not path.exists()
         if not is_glob and not path.is_dir():
