@@ -16,6 +16,9 @@ from schemas.common.errors import UsageError
 from studies.generation.problem import Posed
 
 CONFIDENCE = 0.95
+HEADER = (
+    f"| points, system | verdicts that are SUMO's | interval, {CONFIDENCE:.0%} |\n|---|---|---|"
+)
 
 
 class Agreement(NamedTuple):
@@ -32,11 +35,11 @@ class Agreement(NamedTuple):
     number: int
 
     def __str__(self) -> str:
+        """Row of a table with the columns of `HEADER`."""
         low, high = binomtest(self.same, self.number).proportion_ci(CONFIDENCE, "exact")
         return (
-            f"{self.points}, {self.system}: {self.same} of {self.number} verdicts are SUMO's "
-            f"({self.same / self.number:.1%}, "
-            f"{CONFIDENCE:.0%} interval {low:.1%} to {high:.1%})"
+            f"| {self.points}, {self.system} | {self.same} of {self.number} "
+            f"| {low:.1%} to {high:.1%} |"
         )
 
 

@@ -73,6 +73,9 @@ def command(
                 f"seed {seed}: {found}, coefficient of variation {found.variation:.3f}", flush=True
             )
         print(
-            f"{covered} of {repeats} intervals cover it; coefficient of variation "
-            f"{np.mean(variations):.3f} on average"
+            f"\n| estimates | truth, {truth} draws | intervals that cover it | variation |",
+            "|---|---|---|---|",
+            f"| {'without' if without_plays else 'with'} plays, {runs} runs | {share:.2e} "
+            f"| {covered} of {repeats} | {np.mean(variations):.3f} |",
+            sep="\n",
         )

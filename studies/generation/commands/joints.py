@@ -26,19 +26,22 @@ def command(
     _version: Version = False,
 ) -> None:
     """Measure the greatest acceleration and jerk of the actor in runs of draws of the density,
-    without a system under test."""
+    without a system under test: those that so many of the runs do not exceed."""
     import numpy as np
 
     from studies.generation.joints import measure
 
     with interruptible(NAME):
+        print(
+            f"| scenario, greatest | {' | '.join(f'{each:.0%}' for each in _QUANTILES)} |",
+            f"|---|{'---|' * len(_QUANTILES)}",
+            sep="\n",
+        )
         for scenario in scenarios:
             found = measure(scenario, recorded, draws, seed, timestep)
             for name, unit, values in (
                 ("acceleration", "m/s²", found.acceleration),
                 ("jerk", "m/s³", found.jerk),
             ):
-                shares = ", ".join(f"{each:.2f}" for each in np.quantile(values, _QUANTILES))
-                print(
-                    f"{scenario}: {name} at 50, 90, 99 and 100 % of {draws} runs: {shares} {unit}"
-                )
+                shares = " | ".join(f"{each:.2f}" for each in np.quantile(values, _QUANTILES))
+                print(f"| {scenario.stem}, {name}, {unit} | {shares} |", flush=True)

@@ -95,11 +95,12 @@ def command(
                 means = " | ".join(f"{np.mean(values):.2f}" for values in found.values())
                 say(f"| {sut}, {limit} | {chance:.2%} | {means} |")
     guided = np.array(recalls[_GUIDED])
+    say("", f"| {_GUIDED} over | lead | pairs |", "|---|---|---|")
     for other in (_BLIND, _DRAWS):
         ahead = guided - np.array(recalls[other])
         low, high = interval(ahead)
         lead = f"{ahead.mean():+.2f} ({low:+.2f} to {high:+.2f})"
-        say(f"lead over {other}: {lead}, {len(ahead)} pairs")
+        say(f"| {other} | {lead} | {len(ahead)} |")
 
 
 def _recall(

@@ -92,6 +92,7 @@ def command(
         Benchmark,
         row,
         statements,
+        summary,
         table,
     )
     from studies.generation.planted.systems import UNDRIVEN, Pool
@@ -135,4 +136,4 @@ def command(
                     f"{each.seconds:.1f} s",
                     flush=True,
                 )
-        print(table(found), statements(found), sep="\n\n")
+        print(summary(found), table(found), statements(found), sep="\n\n")

@@ -38,10 +38,11 @@ def command(
 ) -> None:
     """Compare verdicts of plays in arrays with those of SUMO, for the system under test and all
     reference drivers."""
-    from studies.generation.agreement import measured
+    from studies.generation.agreement import HEADER, measured
     from studies.generation.problem import posed
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as problem:
+        print(HEADER)
         for each in measured(problem, draws, finds, seed):
             print(each, flush=True)
         theta = problem.problem.space.draw(_PLAYED, np.random.default_rng(seed))
@@ -49,6 +50,6 @@ def command(
         assert problem.problem.plays is not None
         problem.problem.plays(theta)
         print(
-            f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor "
+            f"\n{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor "
             "time, uniform draws"
         )

@@ -353,6 +353,47 @@ def _key(entry: Mapping[str, Any]) -> tuple[str, str, int, int]:
     return entry["plan"], entry["method"], entry["seed"], entry["runs"]
 
 
+def summary(found: Sequence[Result]) -> str:
+    """A row for each method over all systems, in Markdown; several figures in a cell are those
+    after each number of runs.
+
+    Intervals are of 95 %, by bootstrap over systems.
+    """
+    runs = sorted({each.runs for each in found})
+    marks = ", ".join(map(str, runs))
+    lines = [
+        f"| method | recall after {marks} runs | lead of `{OURS}` | regions found | nothing found "
+        "| recall within 5 % | of the base | processor s |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in dict.fromkeys(each.method for each in found):
+        of = [[each for each in found if (each.method, each.runs) == (name, mark)] for mark in runs]
+        last = of[-1]
+
+        def means(figure: str, parts: Sequence[Sequence[Result]]) -> str:
+            return ", ".join(
+                f"{np.mean([getattr(each.found, figure) for each in part]):.2f}" for part in parts
+            )
+
+        nothing = ", ".join(str(sum(each.found.regions == 0.0 for each in part)) for part in of)
+        lines.append(
+            f"| {name} | {means('far', of)} | {_lead(last, found)} | {means('regions', of)} "
+            f"| {nothing} | {means('near', [last])} | {means('own', [last])} "
+            f"| {np.mean([each.seconds for each in last]):.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def _lead(of: Sequence[Result], found: Sequence[Result]) -> str:
+    """Mean lead in recall of `cover` over results of another method on the same systems."""
+    ours = {
+        (each.plan, each.seed, each.runs): each.found.far for each in found if each.method == OURS
+    }
+    keys = [(each.plan, each.seed, each.runs) for each in of]
+    ahead = [ours[key] - each.found.far for key, each in zip(keys, of, strict=True) if key in ours]
+    return _mean(np.array(ahead), "+.2f") if ahead and of[0].method != OURS else "–"
+
+
 def table(found: Sequence[Result]) -> str:
     """A row for each number of runs and method over all systems, then for each plan after the last
     run, in Markdown.
@@ -377,21 +418,13 @@ def table(found: Sequence[Result]) -> str:
 
 
 def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
-    ours = {(each.plan, each.seed): each.found.far for each in found if each.method == OURS}
     for name in dict.fromkeys(each.method for each in found):
         of = [each for each in found if each.method == name]
         regions, near, far = (
             np.array([getattr(each.found, which) for each in of])
             for which in ("regions", "near", "far")
         )
-        ahead = np.array(
-            [
-                ours[each.plan, each.seed] - each.found.far
-                for each in of
-                if (each.plan, each.seed) in ours
-            ]
-        )
-        lead = "–" if name == OURS or not len(ahead) else _mean(ahead, "+.2f")
+        lead = _lead(of, found)
         first = np.median([each.found.first for each in of])
         nothing = sum(each.found.regions == 0.0 for each in of)
         strange, own, seconds = np.mean(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +16,9 @@ import studies.generation.__main__ as study
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings
 from recognition.labels.maneuvers.units import Samples
+from schemas.common.errors import UsageError
+from studies.generation.tables import Printed
+from studies.publication.results import read_journal, read_table
 from tests.recognition.motorway import write_motorway
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -126,6 +132,8 @@ def test_densities_are_compared_on_recorded_parameters(
     assert (
         call(
             monkeypatch,
+            "--results",
+            tmp_path / "kept",
             "densities",
             CUT_IN,
             "--recorded",
@@ -151,6 +159,30 @@ def test_densities_are_compared_on_recorded_parameters(
             "density",
             "one Gaussian",
         ]
+    # The printed table and its command are kept.
+    kept = tmp_path / "kept"
+    assert (kept / "density.csv").read_bytes() == (
+        tmp_path / "densities" / "tables" / "density.csv"
+    ).read_bytes()
+    (made,) = read_journal(kept).values()
+    assert made.command.startswith(f"studies.generation densities {CUT_IN} --recorded {units}")
+    assert float(made.processor) > 0.0 and len(made.commit) >= 8
+
+
+def test_an_experiment_that_prints_no_table_keeps_nothing(tmp_path: Path) -> None:
+    with redirect_stdout(printed := Printed(sys.stdout)):
+        print("seed 0: |x| < 1")
+    with pytest.raises(UsageError, match="prints no table"):
+        printed.keep(tmp_path / "kept", ("plays",))
+    assert not (tmp_path / "kept").exists()
+
+
+def test_tables_with_the_same_first_heading_get_numbers(tmp_path: Path) -> None:
+    printed = Printed(io.StringIO())
+    printed.write("# x\n\n| a b | c |\n|---|---|\n| -1 | 2 |\n\n| a b |\n| --- |\n| 3 |\n")
+    printed.keep(tmp_path, ("plays",))
+    assert read_table(tmp_path / "a-b.csv") == [["a b", "c"], ["-1", "2"]]
+    assert read_table(tmp_path / "a-b-2.csv") == [["a b"], ["3"]]
 
 
 def test_units_of_recordings_are_reconstructed_and_kept(
@@ -217,5 +249,5 @@ def test_plays_are_measured_against_sumo(
         == 0
     )
     said = capsys.readouterr().out
-    assert "draws of the prior, system under test: 8 of 8 verdicts are SUMO's" in said
+    assert "| draws of the prior, system under test | 8 of 8 |" in said
     assert "episodes a second" in said

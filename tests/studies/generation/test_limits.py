@@ -26,5 +26,5 @@ def test_recalls_of_searches_by_a_limit_stand_beside_each_other(
     guided, blind, drawn = map(float, row.groups()[1:])
     assert min(guided, blind) > drawn
     assert told[3].endswith("left out |")  # nearly all find that
-    assert told[-2].startswith("lead over cover, without the margin: ")
-    assert told[-1].endswith(", 1 pairs")
+    assert told[-2].startswith("| cover, without the margin | ")
+    assert told[-1].endswith(" | 1 |")

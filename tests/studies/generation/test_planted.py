@@ -40,6 +40,7 @@ from studies.generation.planted.study import (
     row,
     stated,
     statements,
+    summary,
     table,
 )
 from studies.generation.planted.systems import (
@@ -309,6 +310,10 @@ def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
         "(+0.25 to +0.75) | 7 | 1 |"
     ) in text
     assert "| 10 | 1.00e-03 | 2.00e-03 | 0.250 |" in statements(found)
+    assert summary([*found, *(each._replace(runs=30) for each in found)]).splitlines()[2:] == [
+        "| draws | 0.25, 0.25 | +0.50 (+0.25 to +0.75) | 0.50, 0.50 | 1, 1 | 0.25 | 0.00 | 0.2 |",
+        "| cover | 0.75, 0.75 | – | 1.00, 1.00 | 0, 0 | 0.50 | 0.00 | 0.1 |",
+    ]
     low, high = interval(np.array([0.0, 1.0, 0.0, 1.0]))
     assert 0.0 <= low < 0.5 < high <= 1.0
 
