@@ -45,15 +45,12 @@ class Replays:
         sites = [str(name).rpartition("/")[0] for name in inside.recordings]
         return cls(collides, sites, None if inside.errors is None else inside.errors[:, 1])
 
-    def markdown(self) -> str:
-        """Table with a row for each system: collisions, the most frequent site, median errors of
-        colliding and of all units."""
+    def markdown(self, scenario: str) -> str:
+        """Table with a row for each system: collisions in replays in a scenario, their sites,
+        median errors of colliding and of all units."""
         lines = [
-            (
-                "| system | replays | collide | share | sites of these | error "
-                "along the lane, m (all) |"
-            ),
-            "|---|---|---|---|---|---|",
+            f"| system | {scenario} | share | sites of these | error along the lane, m (all) |",
+            "|---|---|---|---|---|",
         ]
         for name, collides in self.collides.items():
             sites, counts = np.unique(np.array(self.sites)[collides], return_counts=True)
@@ -65,7 +62,7 @@ class Replays:
             if self.errors is not None and collides.any():
                 error = f"{np.median(self.errors[collides]):.1f} ({np.median(self.errors):.1f})"
             lines.append(
-                f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | "
+                f"| {name} | {int(collides.sum())} of {len(collides)} | {collides.mean():.2%} | "
                 f"{told} | {error} |"
             )
         return "\n".join(lines)

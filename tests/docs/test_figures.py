@@ -3,7 +3,7 @@
 A section of a page of results that has figures says one of two things:
 
 - ``From `studies/results/…csv`.``: each row of its tables is a row of these files, cell by cell,
-  and each decimal figure of its text is in them.
+  and each decimal, percentage and count of a whole of its text is in them.
 - ``Measured DATE by `COMMAND`; rests on …``: the command is one that exists. It may be named as
   "the command below", "the commands above" or "of the table" if the section, or one that precedes
   it, has it.
@@ -131,11 +131,17 @@ def stale(section: Section, files: list[Path]) -> list[str]:
             found.append(f"no such row: {row[0]}")
         if not header:
             header = row
-    cells = {number for cell in columns.values() for number in _DECIMAL.findall(cell)}
+    cells = {number for table in tables for row in table for cell in row for number in _said(cell)}
     text = re.sub(r"^\|.*$", "", section.prose, flags=re.MULTILINE)
-    return found + [
-        f"not in the files: {one}" for one in _DECIMAL.findall(text) if one not in cells
+    return found + [f"not in the files: {one}" for one in _said(text) if one not in cells]
+
+
+def _said(text: str) -> list[str]:
+    """Decimals, percentages and counts of a whole that a text has, as `0.5`, `7%` and `3 of 4`."""
+    counts = [
+        one.replace(" %", "%") for one in re.findall(r"\b\d+(?:\.\d+)? ?%|\b\d+ of \d+\b", text)
     ]
+    return [*_DECIMAL.findall(text), *counts]
 
 
 def unknown(command: str) -> list[str]:

@@ -44,4 +44,4 @@ def command(
             raise UsageError(
                 "nothing is recorded of a parameter: there is nothing to replay", path=scenario
             )
-        print(found.markdown())
+        print(found.markdown(scenario.stem))
