@@ -276,16 +276,22 @@ def _above(results: Path) -> str:
                 where = f"{title}, as {stage}{mark}: {figure}"
                 rows += [[where, *row] for row in _better(folder / stage / f"{name}.csv", figure)]
     header = ["where", _OURS, "row", "its figure", "seeds", "p"]
-    return _section("Rows above TRFE", (header, rows), "##") + _GIVEN if rows else ""
+    better = [
+        title
+        for *_, title, _, _, p in rows
+        if "given K" not in title and p != _NONE and float(p) <= _CERTAIN
+    ]
+    shown = f"Shown to be better: {', '.join(better)}." if better else _NO_OTHER
+    table = _section("Rows above TRFE", (header, rows), "##")
+    return table + _GIVEN.format(shown=shown) if rows else ""
 
 
 def _better(path: Path, figure: str) -> list[list[str]]:
     """Rows of a table whose mean is above TRFE's: TRFE's figure, title, figure, seeds and p."""
     table = {title: row for title, row in _rows(path).items() if row[figure] != _NONE}
     ours = table.pop(_OURS, {}).get(figure, "inf")
-    untested = {"p": _NONE} if figure not in _TESTED else {}
     return [
-        [ours, title, row[figure], row.get(_SEEDS, "1"), (row | untested).get("p", _NONE)]
+        [ours, title, row[figure], row.get(_SEEDS, "1"), row.get("p", _NONE)]
         for title, row in table.items()
         if float(row[figure].split()[0]) > float(ours.split()[0])
     ]
@@ -294,10 +300,13 @@ def _better(path: Path, figure: str) -> list[list[str]]:
 _GIVEN = """
 Rows *given K* are told the number of new classes, which TRFE has to find; *as shipped* is what the
 product does. p is of a two-sided paired t-test over the seeds that both rows have, from three on.
-No row without p, or with one above 0.05, is shown to be better, and none of these is shipped.
+{shown}
 Training the encoder again needs the windows that it was trained on besides, which a model that is
 passed on does not have.
 """
+_NO_OTHER = "No other row is shown to be better: all are without p, or their p is above 0.05."
+_CERTAIN = 0.05
+"""Greatest p of a row that is shown to be better"""
 _OURS = "TRFE"
 
 
@@ -334,22 +343,29 @@ def _cells(results: Path, stage: str, name: str, figure: str, *titles: str) -> s
         chosen = [rows[title] for title in titles if figure in rows.get(title, {})]
         seeds = min((int(row.get(_SEEDS, "1")) for row in chosen), default=0)
         if len(chosen) == len(titles) and seeds > best:
-            values = ", ".join(_cell(title, figure, rows[title]) for title in titles)
+            values = ", ".join(
+                _cell(title, figure, rows[title], _TESTED.get(name)) for title in titles
+            )
             many = f"{seeds} seed{'s' * (seeds > 1)}" if _SEEDS in chosen[0] else ""
             rests = ", ".join(part for part in (f"as {stage}" * (stage in _SETTINGS), many) if part)
             best, found = seeds, f"{figure} {values} ({rests}{mark})".replace(" ()", "")
     return found or f"{figure}: not made yet"
 
 
-def _cell(title: str, figure: str, row: dict[str, str]) -> str:
+def _cell(title: str, figure: str, row: dict[str, str], tested: str | None) -> str:
     """The figure of a row with its name, and p where the table has it and it is that of the figure
     that is compared."""
     p = row.get("p", _NONE)
-    return f"*{title}* {row[figure]}" + (f" (p {p})" if p != _NONE and figure in _TESTED else "")
+    return f"*{title}* {row[figure]}" + (f" (p {p})" if p != _NONE and figure == tested else "")
 
 
-_TESTED = ("macro-F1", "ACC_cluster")
-"""Figures by which rows are compared with TRFE in result files"""
+_TESTED = {
+    "open-set": "macro-F1",
+    "clustering": "ACC_cluster",
+    "open-world": "macro-F1 after",
+    "chain": "macro-F1 after",
+}
+"""Figure of a table by which its rows are compared with TRFE in result files"""
 
 
 def _beside(

@@ -67,21 +67,20 @@ def over_rounds(seeds: dict[int, dict[int, dict[str, Any]]], figure: str) -> lis
 
 
 def comparison(
-    results: Results, titles: dict[str, str], figures: dict[str, str]
+    results: Results, titles: dict[str, str], figures: dict[str, str], tested: str
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows: a row for each method, a column for each figure (name of the value →
     heading), means over rounds.
 
-    The last columns are the number of seeds, and the p of a paired t-test over those of a row's
-    first figure against that of TRFE.
+    The last columns are the number of seeds, and the p of a paired t-test over those of the figure
+    `tested` against that of TRFE.
     """
-    first = next(iter(figures))
     rows = [
         (
             titles.get(name, name),
             *(spread(over_rounds(seeds, figure)) for figure in figures),
             str(len(seeds)),
-            paired(seeds, results.get(REFERENCE, {}), first) if name != REFERENCE else "–",
+            paired(seeds, results.get(REFERENCE, {}), tested) if name != REFERENCE else "–",
         )
         for name, seeds in results.items()
     ]

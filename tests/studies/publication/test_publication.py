@@ -252,6 +252,28 @@ def test_rows_above_ours_are_listed_and_those_of_one_small_seed_are_not(tmp_path
         )
     text = page.text(tmp_path)
     assert text.count("macro-F1 | 0.700 ± 0.010 | CAC | 0.710 ± 0.020 | 4 | 0.03 |") == 1
+    assert "\nShown to be better: CAC.\n" in text
+
+
+@pytest.mark.parametrize(
+    ("title", "p"), [("CAC", "0.06"), ("CAC", "–"), ('"means, given K"', "0.01")]
+)
+def test_rows_that_are_told_the_count_or_are_not_certain_are_not_shown_to_be_better(
+    tmp_path: Path, title: str, p: str
+) -> None:
+    header = ",ACC_cluster,seeds,p"
+    path = tmp_path / "middle" / "shipped" / "clustering.csv"
+    table(path, f"{header}\n**TRFE**,0.7,5,–\n{title},0.8,5,{p}\n")
+    assert "\nNo other row is shown to be better: " in page.text(tmp_path)
+
+
+def test_p_stands_beside_the_figure_that_it_compares(tmp_path: Path) -> None:
+    header = ",ACC_cluster,macro-F1 after,seeds,p"
+    path = tmp_path / "middle" / "shipped" / "chain.csv"
+    table(path, f"{header}\n**TRFE**,0.7,0.5,5,–\nagain,0.8,0.6,5,0.04\n")
+    for figure, shown in (("ACC_cluster", False), ("macro-F1 after", True)):
+        found = page._measured(tmp_path, f"shipped|chain|{figure}|TRFE|again")
+        assert ("(p 0.04)" in found) == shown
 
 
 def test_each_part_of_the_method_is_measured_but_the_simulator() -> None:

@@ -30,6 +30,7 @@ from studies.recognition.protocol.processes import run_beside
 from studies.recognition.protocol.rounds import Round
 from studies.recognition.protocol.trials import Trial, Trials
 from studies.recognition.report.report import write_report
+from studies.recognition.report.tables import comparison
 
 GRID = Grid(length=8.0, width=4.0)
 CLASSES = [1, 2, 3, 4, 5, 7, 8, 9]
@@ -286,6 +287,17 @@ def test_reported_seeds_are_others_than_those_of_development(windows: Path, tmp_
     p = {row[0]: row[header.index("p")] for row in rows}
     assert p["**TRFE**"] == "–" and float(p["random"]) < 0.05
     assert "seeds 10, 11, 12" in (tmp_path / "report.md").read_text()
+
+
+def test_rows_are_compared_by_the_figure_that_is_tested() -> None:
+    rounds = {
+        name: {seed: {1: {"a": a + seed, "b": b + seed % 2}} for seed in range(4)}
+        for name, a, b in (("trfe", 0.0, 0.0), ("other", 0.0, 2.0))
+    }
+    rounds["other"][0][1]["b"] = 2.5
+    for tested, different in (("a", False), ("b", True)):
+        *_, (*_, seeds, p) = comparison(rounds, {}, {"a": "A", "b": "B"}, tested)[1]
+        assert seeds == "4" and (p != "–" and float(p) < 0.01) == different
 
 
 def test_the_encoder_learns_on_with_what_is_discovered(
