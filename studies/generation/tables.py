@@ -20,7 +20,7 @@ _RULE = re.compile(r"\|(\s*:?-+:?\s*\|)+")
 
 
 class Printed(io.StringIO):
-    """What is printed, which goes on to a stream as well."""
+    """Copy of the text that is written to a stream."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__()
