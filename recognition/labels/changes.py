@@ -239,7 +239,7 @@ def exits(scene: SceneRows, course: IntArray) -> Exits:
 
     Near an end of a lane that no other one is linked to, the map ends, not the road.
     """
-    on = (scene.strip != NOWHERE) & scene.site.lanes.driving[scene.strip]
+    on = _driving(scene)
     road, angle = on & ~_off_road(scene) & ~_at_open_end(scene), np.radians(scene.rules.oblique)
     other = (course[1:] != course[:-1]) | (on[1:] != on[:-1])
     crossed = np.flatnonzero(other & (scene.first[1:] == scene.first[:-1])) + 1
@@ -256,6 +256,11 @@ def exits(scene: SceneRows, course: IntArray) -> Exits:
         last = np.minimum(row + reach, scene.last[row] + 1) if leaves else row
         found.append((row, np.full(len(row), leaves), away[last] > away[first]))
     return Exits(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+
+
+def _driving(scene: SceneRows) -> BoolArray:
+    """Rows on driving lanes."""
+    return (scene.strip != NOWHERE) & scene.site.lanes.driving[scene.strip]
 
 
 _OPEN = 10.0
@@ -322,6 +327,7 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     """
     # A course is a stretch along connected lanes; only within one can lanes be counted to the left.
     steps, related = _steps(scene.site.lanes, scene.strip)
+    steps = _beside(scene, steps)
     related |= _overlapping(scene, ~related)
     begins = np.ones(len(scene.track), bool)
     begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
@@ -349,27 +355,29 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
     left = lane[row] > lane[row - 1]
     road = scene.site.lanes.road[scene.strip]
-    enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * scene.lane_width(row)
     # Lanes of one road lie side by side: no motion has to show it.
-    kept = (road[row] == road[row - 1]) | enough
+    kept = (road[row] == road[row - 1]) | _moves_aside(scene, row, left)
     for index in np.flatnonzero(~kept).tolist():
         pair = scene.strip[row[index] - 1], scene.strip[row[index]]
         kept[index] = scene.site.lanes.side_by_side(*map(int, pair)) is not None
     return row[kept], left[kept]
 
 
-def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
-    """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond
-    that of an arc."""
+def _moves_aside(scene: SceneRows, row: IntArray, left: BoolArray) -> BoolArray:
+    """Whether vehicles move to that side by half a lane, from `rules.shift_time` before to as long
+    after rows, beyond what they turn, as far as that is known."""
     reach = scene.rows(scene.rules.shift_time)
     first, last = (
         np.maximum(row - reach, scene.first[row]),
         np.minimum(row + reach, scene.last[row]),
     )
     x, y, heading = scene.x[last] - scene.x[first], scene.y[last] - scene.y[first], scene.h[first]
-    # An arc that turns by φ over a chord of c leads c·φ/2 to its side: that is the bend, no change.
+    # An arc that turns by φ over a chord of c leads c·φ/2 to its side; a bend that comes sooner or
+    # later than an arc's leads up to a third more or less far. That is no change of lane.
     arc = 0.5 * np.hypot(x, y) * _wrapped(scene.h[last] - heading)
-    return y * np.cos(heading) - x * np.sin(heading) - arc
+    aside = y * np.cos(heading) - x * np.sin(heading) - arc
+    unsure = np.abs(arc) / 3.0
+    return np.where(left, aside, -aside) - unsure >= 0.5 * scene.lane_width(row)
 
 
 def _partial(
@@ -382,7 +390,9 @@ def _partial(
     near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
     row, left = row[near], left[near]
     kept = along_road(scene, row)
-    return _LaneStays(scene, lane, course, side).changes(row[kept], left[kept])
+    row, left, about = row[kept], left[kept], _LaneStays(scene, lane, course, side)
+    seen = about.whole(row, left)
+    return about.changes(row[seen], left[seen])
 
 
 def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
@@ -413,6 +423,24 @@ def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     steps[moved] = np.array([step or 0 for step in found], np.int64)[which.reshape(-1)]
     related[moved] = np.array([step is not None for step in found], bool)[which.reshape(-1)]
     return steps, related
+
+
+def _beside(scene: SceneRows, steps: IntArray) -> IntArray:
+    """Lane offsets from each row to the next, 0 where the centre of the new lane is nearer to that
+    of the old one than to the place beside it, and the vehicle does not move there.
+
+    Where a lane forks, its branches begin in one place: whichever a vehicle is on, it goes on.
+    """
+    width, moved = scene.site.lanes.width[scene.strip], np.diff(scene.offset)
+    beside = moved + steps * 0.5 * (width[:-1] + width[1:])
+    # Lanes of one road lie side by side.
+    road = scene.site.lanes.road[scene.strip]
+    fork = (steps != 0) & (road[1:] != road[:-1]) & (np.abs(moved) < np.abs(beside))
+    row = np.flatnonzero(fork) + 1
+    row = row[~_moves_aside(scene, row, steps[row - 1] > 0)]
+    steps = steps.copy()
+    steps[row - 1] = 0
+    return steps
 
 
 _SAME_LANE = 1.0
@@ -476,6 +504,21 @@ class _LaneStays(NamedTuple):
         deep = self._depths(row, left) >= self.scene.rules.depth
         row, left = row[deep], left[deep]
         return Changes(row, left, self._shifts(row, left))
+
+    def whole(self, row: IntArray, left: BoolArray) -> BoolArray:
+        """Whether boxes are seen whole in one of the lanes of each change, by `rules.depth` more:
+        beside a border, boxes jitter and lanes of maps shift."""
+        earliest, _ = self._about(row)
+        scene, side, towards, last = self.scene, self.side, np.where(left, 1.0, -1.0), row - 1
+        left_behind = 0.5 * scene.site.lanes.width[scene.strip[last]] - towards * scene.offset[last]
+        before = left_behind + [
+            (sign * (side[end] - side[start : end + 1])).max()
+            for start, end, sign in zip(
+                earliest.tolist(), last.tolist(), towards.tolist(), strict=True
+            )
+        ]
+        deepest = np.maximum(before, self._depths(row, left))
+        return deepest >= 0.5 * scene.width[row] + scene.rules.depth
 
     def _depths(self, rows: IntArray, left: BoolArray) -> FloatArray:
         """Greatest way (m) beyond the border that each change crosses, within its stay after it."""
@@ -615,7 +658,7 @@ def _heading_changes(
     """Change of heading (rad) in passages, given that in all rows before each row.
 
     One of less than `rules.turn` counts from the heading of its lane's start, or to that of its
-    end, where the track begins or ends inside, if it turns by `rules.straight` itself. Vehicles
+    end, where the track begins or ends inside, if it turns by `rules.partial_turn` itself. Vehicles
     begin turns before junctions and end them behind: what is turned beyond the bends of the roads
     within `rules.turning_time` before and after, up to other passages, counts if that makes it a
     turn.
@@ -634,10 +677,10 @@ def _heading_changes(
         if not arrived[number]:
             missing[number] += _lane_turn(scene, end, at_end=True)
     turn = recorded + missing
-    # A turn by the map alone, of which the vehicle has shown nothing, is not known.
-    turn[(np.abs(turn) >= turning) & (np.abs(recorded) < least)] = np.nan
+    around, partial = np.zeros(len(first)), np.radians(rules.partial_turn)
+    near = (np.abs(turn) < turning) | (np.abs(recorded) < partial)
     reach, off_road = scene.rows(rules.turning_time), _off_road(scene)
-    for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < turning)).tolist():
+    for number in np.flatnonzero((np.abs(recorded) >= least) & near).tolist():
         begin, end = int(first[number]), int(last[number])
         earliest, latest = (
             max(begin - reach, int(scene.first[begin])),
@@ -648,10 +691,13 @@ def _heading_changes(
             earliest = max(earliest, min(int(last[number - 1]), begin))
         if number + 1 < len(first) and scene.track[first[number + 1]] == scene.track[end]:
             latest = min(latest, max(int(first[number + 1]), end))
-        around = turned[begin] - turned[earliest] - _bend(scene, earliest, begin, off_road)
-        around += turned[latest] - turned[end] - _bend(scene, end, latest, off_road)
-        if np.abs(turn[number] + around) >= turning:
-            turn[number] += around
+        around[number] = turned[begin] - turned[earliest] + turned[latest] - turned[end]
+        around[number] -= _bend(scene, earliest, begin, off_road)
+        around[number] -= _bend(scene, end, latest, off_road)
+    more = (np.abs(turn) < turning) & (np.abs(turn + around) >= turning)
+    turn = np.where(more, turn + around, turn)
+    # A turn by the map, of which the vehicle has shown little, is not known.
+    turn[(np.abs(turn) >= turning) & (np.abs(recorded + around) < partial)] = np.nan
     return turn
 
 
@@ -667,11 +713,13 @@ def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
     """Turns between a lane and a place beside the road, such as a driveway, and those that cut a
     corner between lanes, within `rules.shift_time` of the lane's border.
 
-    Bends of the lanes are no turns; turns in junctions before or behind are others.
+    Bends of the lanes are no turns; turns in junctions before or behind are others, and those
+    between a lane and a parking place beside it are none.
     """
     turned, reach = _turned(scene), scene.rows(scene.rules.shift_time)
     found: list[tuple[int, float]] = []
-    for row in np.union1d(crossed.row[crossed.beside], _corners(scene)).tolist():
+    beside = crossed.row[crossed.beside & ~_parking(scene, crossed)]
+    for row in np.union1d(beside, _corners(scene)).tolist():
         first, last = (
             max(row - reach, int(scene.first[row])),
             min(row + reach, int(scene.last[row])),
@@ -694,6 +742,20 @@ def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
         else (np.zeros(0, np.int64), np.zeros(0))
     )
     return Turns(scene.centred(rows), angles)
+
+
+def _parking(scene: SceneRows, crossed: Exits) -> BoolArray:
+    """Whether each vehicle stands on no lane, and gets no further than `rules.parking` from the
+    border that it crosses, after it leaves its lane or before it enters one."""
+    on, found = _driving(scene), []
+    for row, leaves in zip(crossed.row.tolist(), crossed.leaves.tolist(), strict=True):
+        end = int(scene.last[row] if leaves else scene.first[row])
+        away = np.arange(row, end + 1) if leaves else np.arange(row - 1, end - 1, -1)
+        away = away[np.logical_and.accumulate(~on[away])]
+        apart = np.hypot(scene.x[away] - scene.x[row], scene.y[away] - scene.y[row])
+        stands = (scene.speed[away] < scene.rules.cut_speed).any()
+        found.append(bool(stands and apart.max() < scene.rules.parking))
+    return np.array(found, bool)
 
 
 def _corners(scene: SceneRows) -> IntArray:

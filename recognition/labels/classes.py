@@ -114,8 +114,9 @@ class Rules:
             speed in free cruise.
         cruise_speed: least speed of free cruise: a vehicle standing in a jam is as steady.
         following_headway: greatest THW of following, and least of free cruise.
-        queue_gap, queue_speed: a lead within this gap is followed at any headway, if the mean speed
-            of the window and its margins is not less: in queues gaps do not shrink with the speed.
+        queue_gap, queue_speed: a lead within this gap is followed at any headway of one moment, if
+            the mean speed of the window and its margins is not less: in queues speeds change faster
+            than gaps. The headway of the means counts.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
         flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows
@@ -152,8 +153,11 @@ class Rules:
         ring_spacing: least time between two events of circulating.
         passage: least way through a junction that counts; half of it for a turn.
         turn: least and greatest change of heading of a turn.
+        partial_turn: least part of a turn that is recorded where the track begins or ends inside.
         beside: time within which a vehicle is on no lane, after it leaves its lane obliquely or
             before it enters one so.
+        parking: a vehicle that stands beside its lane, and gets no further from it, parks: it does
+            not turn.
         straight: greatest change of heading of a straight cross; less than that of a turn where no
             other way is straighter.
         opposing_time: time within which an opposing vehicle passes.
@@ -206,7 +210,9 @@ class Rules:
     ring_spacing: float = 3.0
     passage: float = 5.0
     turn: tuple[float, float] = (45.0, 135.0)
+    partial_turn: float = 28.0
     beside: float = 3.0
+    parking: float = 10.0
     straight: float = 20.0
     opposing_time: float = 5.0
     vru_pet: float = 3.0

@@ -15,6 +15,7 @@ from recognition.labels.changes import (
     held,
     smoothed,
     stays,
+    totals,
 )
 from recognition.labels.classes import Label
 from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced, spread
@@ -190,11 +191,15 @@ def car_following(scene: Scene) -> Hits:
     near, lead = _followed(scene)
     queue = (leads.row != ABSENT) & (leads.gap > 0.0) & (leads.gap <= rules.queue_gap)
     near |= held(queue.astype(np.int64), scene.first, scene.rows(rules.flicker)).astype(bool)
+    speed = smoothed(scene.speed, half, scene.first, scene.last)
+    seen = leads.row != ABSENT
+    gaps, number = (totals(each, half, scene.first, scene.last)[0] for each in (leads.gap, seen))
     flags = (
         _steady_on(scene, seconds, *_MOTORWAY)
         & always(near, half, scene.first, scene.last)
         & constant(lead, half, scene.first, scene.last)
-        & (smoothed(scene.speed, half, scene.first, scene.last) >= rules.queue_speed)
+        & (speed >= rules.queue_speed)
+        & (gaps <= rules.following_headway * speed * number)
         & (lead != ABSENT)
     )
     row = spread(scene, flags, lead, rules.spacing, rules.most_windows)

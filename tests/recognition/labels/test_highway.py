@@ -143,13 +143,14 @@ def test_a_lead_seen_for_single_frames_ends_no_following(motorway: Site) -> None
     ]
 
 
-@pytest.mark.parametrize(("speed", "found"), [(1.5, [Label.CAR_FOLLOWING]), (0.3, [])])
-def test_following_in_a_queue_has_any_headway_unless_it_stands(
-    motorway: Site, speed: float, found: list[Label]
+@pytest.mark.parametrize(("mean", "found"), [(3.0, [Label.CAR_FOLLOWING]), (1.5, []), (0.3, [])])
+def test_following_in_a_queue_has_the_headway_of_the_means(
+    motorway: Site, mean: float, found: list[Label]
 ) -> None:
-    # 8 m ahead are 5 s at 1.5 m/s: more than the headway of following.
-    lead = track("lead", ahead(112.5, speed, SECONDS), MIDDLE)
-    ego = track("ego", ahead(100, speed, SECONDS), MIDDLE)
+    # Speeds swing by half within 3 s; 8 m ahead are 2.7 s at 3 m/s, and 5.3 s at the slowest.
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    way = mean * (time - 0.5 * 3.0 / (2.0 * np.pi) * np.sin(2.0 * np.pi * time / 3.0))
+    lead, ego = track("lead", 112.5 + way, MIDDLE), track("ego", 100.0 + way, MIDDLE)
     assert of(labels(motorway, ego, lead), "ego") == found
 
 
@@ -221,9 +222,15 @@ def test_a_track_that_ends_before_the_border_tells_none(motorway: Site) -> None:
 
 
 def test_a_track_that_ends_while_it_still_drifts_shows_it_in_part(motorway: Site) -> None:
-    slow = track("ego", ahead(100, 30, SECONDS), sideways(-4.5, -3.0, 5.5, SECONDS))
+    slow = track("ego", ahead(100, 30, SECONDS), sideways(-4.9, -3.0, 5.5, SECONDS))
     (event,) = (event for event in labels(motorway, slow) if event.label == Label.LANE_CHANGE_LEFT)
-    assert event.tags["partial"] is True and event.tags["shift"] == pytest.approx(1.5, abs=0.01)
+    assert event.tags["partial"] is True and event.tags["shift"] == pytest.approx(1.9, abs=0.01)
+
+
+def test_a_track_that_is_never_whole_in_one_of_its_lanes_tells_none(motorway: Site) -> None:
+    # Its box reaches 0.15 m over the border at first, and back over it as much in the end.
+    astride = track("ego", ahead(100, 30, SECONDS), sideways(-4.5, -3.0, 5.5, SECONDS))
+    assert Label.LANE_CHANGE_LEFT not in of(labels(motorway, astride), "ego")
 
 
 def test_a_whole_change_is_not_partial(motorway: Site) -> None:

@@ -259,7 +259,7 @@ def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_r
 
 
 @pytest.mark.parametrize(
-    ("recorded", "expected"), [(60.0, [Label.LEFT_TURN]), (30.0, [Label.LEFT_TURN]), (12.0, [])]
+    ("recorded", "expected"), [(60.0, [Label.LEFT_TURN]), (36.0, [Label.LEFT_TURN]), (24.0, [])]
 )
 def test_of_a_turn_that_the_record_cuts_a_third_is_enough(
     crossing: Site, recorded: float, expected: list[Label]

@@ -213,6 +213,21 @@ def test_a_turn_from_a_driveway_is_one_too_and_one_beyond_the_end_of_the_map_non
     assert of(labels(street, turning_off(80.0, start=-25.0)), "ego") == []
 
 
+@pytest.mark.parametrize(("rows", "expected"), [(16, []), (None, [Label.RIGHT_TURN])])
+def test_a_vehicle_that_stops_beside_its_lane_parks_and_one_that_drives_on_turns(
+    street: Site, rows: int | None, expected: list[Label]
+) -> None:
+    driving = turning_off(80.0)
+    x, y = (driving.columns[name] for name in ("x", "y"))
+    beside = int(np.argmax(y < -7.0))
+    # It stops 6 m behind the border of the lane, and stands.
+    stop = len(x) if rows is None else beside + rows // 2
+    x, y = (np.append(column[:stop], np.full(30, column[stop - 1])) for column in (x, y))
+    ego = track("ego", x, y)
+    ego.columns["h"][stop:] = ego.columns["h"][stop - 2]
+    assert of(labels(street, ego), "ego") == expected
+
+
 def test_a_lead_that_turns_off_into_a_driveway_cuts_out(street: Site) -> None:
     ego = car(street, "ego", 2.0, 7.0, -5.25)
     (event,) = (
