@@ -355,29 +355,27 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
     left = lane[row] > lane[row - 1]
     road = scene.site.lanes.road[scene.strip]
+    enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * scene.lane_width(row)
     # Lanes of one road lie side by side: no motion has to show it.
-    kept = (road[row] == road[row - 1]) | _moves_aside(scene, row, left)
+    kept = (road[row] == road[row - 1]) | enough
     for index in np.flatnonzero(~kept).tolist():
         pair = scene.strip[row[index] - 1], scene.strip[row[index]]
         kept[index] = scene.site.lanes.side_by_side(*map(int, pair)) is not None
     return row[kept], left[kept]
 
 
-def _moves_aside(scene: SceneRows, row: IntArray, left: BoolArray) -> BoolArray:
-    """Whether vehicles move to that side by half a lane, from `rules.shift_time` before to as long
-    after rows, beyond what they turn, as far as that is known."""
+def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
+    """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond
+    that of an arc."""
     reach = scene.rows(scene.rules.shift_time)
     first, last = (
         np.maximum(row - reach, scene.first[row]),
         np.minimum(row + reach, scene.last[row]),
     )
     x, y, heading = scene.x[last] - scene.x[first], scene.y[last] - scene.y[first], scene.h[first]
-    # An arc that turns by φ over a chord of c leads c·φ/2 to its side; a bend that comes sooner or
-    # later than an arc's leads up to a third more or less far. That is no change of lane.
+    # An arc that turns by φ over a chord of c leads c·φ/2 to its side: that is the bend, no change.
     arc = 0.5 * np.hypot(x, y) * _wrapped(scene.h[last] - heading)
-    aside = y * np.cos(heading) - x * np.sin(heading) - arc
-    unsure = np.abs(arc) / 3.0
-    return np.where(left, aside, -aside) - unsure >= 0.5 * scene.lane_width(row)
+    return y * np.cos(heading) - x * np.sin(heading) - arc
 
 
 def _partial(
@@ -426,20 +424,20 @@ def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
 
 
 def _beside(scene: SceneRows, steps: IntArray) -> IntArray:
-    """Lane offsets from each row to the next, 0 where the centre of the new lane is nearer to that
-    of the old one than to the place beside it, and the vehicle does not move there.
+    """Lane offsets from each row to the next, 0 between branches of a fork where the centre of one
+    is nearer to that of the other than to the place beside it.
 
-    Where a lane forks, its branches begin in one place: whichever a vehicle is on, it goes on.
+    Branches begin in one place: rows jump between them, and the vehicle goes on.
     """
-    width, moved = scene.site.lanes.width[scene.strip], np.diff(scene.offset)
-    beside = moved + steps * 0.5 * (width[:-1] + width[1:])
-    # Lanes of one road lie side by side.
-    road = scene.site.lanes.road[scene.strip]
-    fork = (steps != 0) & (road[1:] != road[:-1]) & (np.abs(moved) < np.abs(beside))
-    row = np.flatnonzero(fork) + 1
-    row = row[~_moves_aside(scene, row, steps[row - 1] > 0)]
+    lanes, width, moved = scene.site.lanes, scene.site.lanes.width, np.diff(scene.offset)
+    before, after = scene.strip[:-1], scene.strip[1:]
+    beside = moved + steps * 0.5 * (width[before] + width[after])
+    near = (steps != 0) & (np.abs(moved) < np.abs(beside))
+    near &= lanes.road[before] != lanes.road[after]
     steps = steps.copy()
-    steps[row - 1] = 0
+    for index in np.flatnonzero(near).tolist():
+        if after[index] not in lanes.following[before[index]]:
+            steps[index] = 0
     return steps
 
 
