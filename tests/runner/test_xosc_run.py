@@ -571,7 +571,7 @@ def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) 
         *(f"    variation~00000{number} Gap={3 + 3 * number}" for number in range(5)),
         "INCONCLUSIVE, 1 run: the run ended at … s, … s before Ego would touch Lead at … m/s",
         "    variation~000005 Gap=18",
-        "worst 5 of 5 contacts, by the risk of a death:",
+        "worst 5 of 5 contacts, by the risk that one of the two dies:",
         *(
             f"     10.0 m/s, change of velocity  5.0 m/s, risk <0.1 %  variation~00000{number} "
             f"Gap={3 + 3 * number}: "

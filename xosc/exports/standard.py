@@ -110,7 +110,7 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
     except (Unsupported, InvalidFile) as error:
         # Unused entries of catalogues may be invalid, and so may attributes without a value yet.
         add_worked_out(concrete(document, **draft.settings.resolving), version, draft)
-        return draft.write(f"everything is worked out: {error}")
+        return draft.write(f"values stand in the place of parameters and references: {error}")
 
 
 def add(document: Document, version: Version | None, draft: Draft, name: str = "") -> None:

@@ -288,7 +288,9 @@ class OutcomeTable:
         from runner.judging.measures.contacts import sentence  # needs numpy
 
         contacts = many(self._contacts, "contact")
-        self._print(f"worst {len(self._worst)} of {contacts}, by the risk of a death:")
+        self._print(
+            f"worst {len(self._worst)} of {contacts}, by the risk that one of the two dies:"
+        )
         for name, each in self._worst:
             who = sentence("the ego", one_line(each["other"]), each["side"], each["strikes"])
             size = (
