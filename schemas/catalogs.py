@@ -107,6 +107,7 @@ class CatalogEntry:
     def plain(self) -> bool:
         """Whether it says the same wherever it is referred to: it has no parameters, expressions
         and references."""
+        # Then one reading serves all references, and the engine keeps it.
         tags = any(True for _ in self.element.iter("ParameterDeclarations", *REFERENCES))
         return not tags and not any(
             "$" in text for inner in self.element.iter("*") for text in inner.attrib.values()
@@ -201,18 +202,19 @@ class Catalogs:
         if holder not in EXPECTED:
             raise NoEntry(f"no catalogue entry can stand in {holder}")
         kinds = EXPECTED[holder]
+        # Once for each kind: a catalogue of vehicles is not read for a route.
         if kinds not in self._known:
             self._known[kinds] = self._read(kinds)
-        found = self._known[kinds]
-        named = [candidate for candidate in found.catalogs if candidate.name == catalog]
+        read = self._known[kinds]
+        named = [candidate for candidate in read.catalogs if candidate.name == catalog]
         named = named or [
-            candidate for candidate in found.catalogs if Path(candidate.path).stem == catalog
+            candidate for candidate in read.catalogs if Path(candidate.path).stem == catalog
         ]
         if not named:
-            names = sorted({catalog.name for catalog in found.catalogs})
+            names = sorted({candidate.name for candidate in read.catalogs})
             hint = f", {nearest(catalog, names)}" if names else ""
-            message = "; ".join([f"there is no catalogue {quoted(catalog)}{hint}", *found.problems])
-            raise NoEntry(message, found.incomplete)
+            message = "; ".join([f"there is no catalogue {quoted(catalog)}{hint}", *read.problems])
+            raise NoEntry(message, read.incomplete)
         entries = [entry for catalog in named for entry in catalog.entries if entry.kind in kinds]
         every = [entry for entry in entries if entry.name == name]
         # Folders are in the order of preference: an entry hides those of its name in later folders.
@@ -233,7 +235,7 @@ class Catalogs:
                 f"the catalogue {quoted(catalog)} has no {' or '.join(kinds)} "
                 f"{quoted(name)}, {hint}"
             )
-            raise NoEntry(message, found.incomplete)
+            raise NoEntry(message, read.incomplete)
         return matching[0]
 
     def _read(self, kinds: Iterable[str]) -> _CatalogsOfKinds:
@@ -317,10 +319,11 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
     assumed = ""
     current().admit(path)
     if not path.exists():
+        # Before any guess by name: the user has said where to look.
         asked_for = _asked_for(path, folders)
         if asked_for:
             return Located([file for path in asked_for for file in _files(path)], "")
-        found = next(
+        other = next(
             (
                 candidate
                 for candidate in _elsewhere(path, scenario)
@@ -328,8 +331,8 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
             ),
             None,
         )
-        if found is not None:
-            path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
+        if other is not None:
+            path, assumed = other, f"there is no folder {path}: {other} is taken, by its name"
     alone = (
         f"{path} is a file, a folder is expected: that file alone is taken"
         if path.is_file()
@@ -345,6 +348,7 @@ def _files(path: Path) -> list[str]:
     return sorted(
         os.path.normpath(entry.path)
         for entry in os.scandir(path)
+        # Other files may lie there; which of these are catalogues is known once they are read.
         if entry.name.lower().endswith(".xosc")
     )
 
@@ -354,6 +358,7 @@ def _asked_for(path: Path, folders: Folders) -> list[Path]:
     folders that have catalogues."""
     places = search_path(folders, VARIABLE)
     name = os.path.basename(os.path.normpath(path))
+    # Folders of that name before folders that only hold some catalogues.
     named = [place / name for place in places if (place / name).exists()]
     return [*named, *(place for place in places if any(place.glob("*.xosc")))]
 
@@ -390,6 +395,7 @@ def _catalog(load: Load, path: str, _: Stamp) -> _CatalogEntries | str | None:
             document.version,
             sum(1 for _ in child.iter()),
         )
+        # Kinds of the standard only: what else stands there is an error of the XSD.
         for child in catalog.iterchildren(*KINDS)
     )
     return _CatalogEntries(name, path, entries)

@@ -129,6 +129,7 @@ def xosc_check(
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
     reported = LEVELS[: LEVELS.index(severity) + 1]
+    # After the verdict: --severity hides problems, it does not accept files.
     results = [
         (path, [problem for problem in problems if problem.level in reported])
         for path, problems in results
@@ -176,6 +177,7 @@ def _piped() -> dict[Path, bytes]:
     """
     # One byte beyond the limit shows that the input is larger.
     content = sys.stdin.buffer.read(MAX_BYTES + 1)
+    # By its root element: what comes through a pipe has no ending.
     name = Path("stdin.xodr" if b"<OpenDRIVE" in content[:_HEAD] else "stdin.xosc")
     if len(content) > MAX_BYTES:
         raise InvalidFile(f"at most {MAX_BYTES} bytes are read", path=name)
@@ -200,6 +202,7 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
     """The report for people; in colours on a terminal."""
     from schemas.checks import report
 
+    # Without rich, of which a pipe has no use.
     if not sys.stdout.isatty():
         sound = (
             one_line(f"{path}: accepted") for path, problems in results if verbose and not problems

@@ -263,6 +263,14 @@ def test_checks_name_a_file_that_differs_in_case(tmp_path: Path) -> None:
     )
 
 
+def test_checks_name_a_folder_in_the_place_of_a_file(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    text = path.read_text("utf-8").replace('filepath="straight.xodr"', 'filepath="."')
+    path.write_text(text, "utf-8")
+    (problem,) = [each for each in schemas.check(path) if "there is no file" in each.message]
+    assert problem.message.endswith(": this is a folder")
+
+
 def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
     for name in ("road.xodr", "ROAD.xodr"):
         (tmp_path / name).touch()

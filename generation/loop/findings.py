@@ -363,6 +363,8 @@ class LoopResult:
         """Whether every run, those of searches among them, ended with an error, as where the system
         under test raises."""
         searched = [search for round_ in self.rounds for search in round_.searches]
+        # One run that got through proves that the system starts: others may then fail by their
+        # files.
         total = sum(len(runs) for stage in self._ran for runs in stage.files.values()) + sum(
             search.calls for search in searched
         )
@@ -383,7 +385,11 @@ class LoopResult:
 
         What the system under test does wrong is another matter, and what a loop is for.
         """
-        rounds = [stage for round_ in self.rounds for stage in (*round_.searches, round_.runs)]
+        rounds = [
+            stage
+            for round_ in self.rounds
+            for stage in (*round_.searches, round_.runs, round_.recognised)
+        ]
         return not (
             self.checked.problems
             or any(
@@ -436,6 +442,8 @@ def _refused(refused: Iterable[Refused]) -> Iterator[str]:
     """Yield the refused searches, one line per kind of reason with the first example."""
     kinds: dict[str, list[Refused]] = {}
     for refusal in refused:
+        # Reasons have their particulars behind a colon: forty scenarios without a road make one
+        # line.
         kinds.setdefault(refusal.reason.partition(": ")[0], []).append(refusal)
     for alike in kinds.values():
         same = all(refusal.reason == alike[0].reason for refusal in alike)
@@ -499,6 +507,7 @@ def _ran(found: Ran) -> str:
     told = f"{many(len(states), 'run')}: " + ", ".join(
         f"{states.count(state)} {word}" for state, word in _STATES.items()
     )
+    # Counted against what ran, not against --sample: an interrupted file has run fewer.
     left = sum(size - len(found.files.get(name, ())) for name, size in found.sampled.items())
     return (
         (

@@ -64,6 +64,8 @@ class Inputs(NamedTuple):
             if not path.is_dir() and not _is_catalog(path)
         ]
         try:
+            # The folder itself is named where no format claims anything in it; a folder of
+            # scenarios alone is as good an input.
             recordings = datasets.open(folder).sources
         except InvalidFile as error:
             if error.path != str(folder):  # a recording whose name no scenario can have
@@ -79,6 +81,7 @@ class Inputs(NamedTuple):
     def names(self) -> dict[Path, str]:
         """A name for each scenario, no two the same: its file's, with the folders below ours where
         others have that too."""
+        # Two folders often have a file of one name, as copies of a scenario for two versions.
         stems = Counter(path.stem for path in self.scenarios)
         inside = {path: path.relative_to(self.folder).with_suffix("") for path in self.scenarios}
         return distinct(
@@ -129,6 +132,7 @@ def distinct(names: Mapping[Path, str], taken: Iterable[str] = ()) -> dict[Path,
 def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
     """The content of a scenario, or of a variation file and its scenario, and what is wrong with
     it."""
+    # An invalid scenario has a digest too: when it is mended, the stages after it are done again.
     content = ""
     try:
         content = _content(path)
@@ -204,17 +208,18 @@ def of_classes(
         catalogue: its folder.
         own: units of the same recordings; None for none.
     """
-    found = {scenario.path.parent.name: scenario for scenario in of_catalogue(catalogue)}
+    own_scenarios = {scenario.path.parent.name: scenario for scenario in of_catalogue(catalogue)}
     folders = {str(row["class"]): Path(row["file"]).parts[0] for row in rows}
+    # Discovered classes have titles of their own: they come last, in order of the alphabet.
     labels = {label.title: label for label in Label}
     for title in sorted(folders, key=lambda title: (labels.get(title, len(labels)), title)):
         folder, label = folders[title], labels.get(title, Label.UNKNOWN)
-        if (target := _of_catalogue(folder, title, found.get(folder))) is not None:
+        if (target := _of_catalogue(folder, title, own_scenarios.get(folder))) is not None:
             yield target
         elif label in LIBRARY:
             yield of_scenario(SCENARIOS / f"{LIBRARY[label]}.xosc", own, folder, title)
         else:
-            yield Refused(title, _why_not(found.get(folder)))
+            yield Refused(title, _why_not(own_scenarios.get(folder)))
 
 
 def _of_catalogue(
@@ -224,6 +229,7 @@ def _of_catalogue(
     if scenario is None:
         return None
     space = Space.of(scenario.path)
+    # Counted within the limits of the scenario: units beyond them never enter its density.
     recorded = len(scenario.on(space).within(space).theta)
     return (
         SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(recorded, own=True))
@@ -253,6 +259,7 @@ def of_scenario(
     """
     name, title = name or path.stem, title or path.stem
     try:
+        # The kind tells which units are like the scenario: a cut-in knows nothing of cut-outs.
         kind = kind_of(path)
         recorded, prior = _recorded(Space.of(path), kind, own)
     except (UsageError, Unsupported) as error:
@@ -271,6 +278,8 @@ def of_inputs(
         own: units of the user's recordings; None for none.
     """
     outcomes = {path: _of_input(path, own, ask, name) for path, name in names.items()}
+    # First all outcomes, then the refusals: each names what is searched in its place, which may
+    # stand after it in the folder.
     searched: dict[Path, list[str]] = {}
     for outcome in outcomes.values():
         if isinstance(outcome, SearchTarget):
@@ -279,6 +288,7 @@ def of_inputs(
     for path, outcome in outcomes.items():
         if isinstance(outcome, NothingToVary):
             of = outcome.scenario.resolve()
+            # Two variation files of one scenario, of which one varies nothing.
             if of in searched:
                 yield Refused(
                     names[path], f"{outcome.reason}; in its place: {', '.join(searched[of])}"
@@ -290,6 +300,7 @@ def of_inputs(
                 )
             else:
                 yield Refused(names[path], outcome.message)
+        # A scenario without ranges of its own is no loss where its variation file states them.
         elif isinstance(outcome, Refused) and path.resolve() in searched:
             instead = searched[path.resolve()]
             files = "its variation file is" if len(instead) == 1 else "its variation files are"
@@ -311,21 +322,24 @@ def _of_input(
     """
     try:
         asking = _concerning(ask, path)
+        # Without options, a scenario is searched by the kind that its name tells, as in
+        # xosc-generate.
         if asking == Ask() and xosc.load(path).kind == "scenario":
             return of_scenario(path, own, name, name)
         asked = asked_of(asking, path)
         space = Space.of(
             asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
         )
-        found = asked.recorded(space)
-        count = len(found.within(space).theta)
+        recorded = asked.recorded(space)
+        count = len(recorded.within(space).theta)
         if count < LEAST:
             raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
     except NothingToVary as error:
         return error
     except (UsageError, Unsupported, InvalidFile) as error:
         return Refused(name, _with_place(error, path))
-    stated = len(found.marginals) == len(space.names)
+    # With a density stated of each parameter, recordings were not asked: none are claimed.
+    stated = len(recorded.marginals) == len(space.names)
     return SearchTarget(
         name,
         name,
@@ -346,6 +360,7 @@ def _with_place(error: ToolchainError, path: Path) -> str:
 def _concerning(ask: Ask, path: Path) -> Ask:
     """Return the options that concern the parameters a scenario declares."""
     declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
+    # A folder holds scenarios of many kinds: an option for one may not refuse the others.
     names = (
         {declaration.get("name") for declaration in declared.children("ParameterDeclaration")}
         if declared is not None
@@ -363,6 +378,7 @@ def _recorded(
     space: Space, kind: str, own: Samples | None
 ) -> tuple[Callable[[Space], Recorded], DensitySource]:
     """Return the function for the recorded parameters of a space, and their source."""
+    # Own recordings first, if only they are enough: they are the traffic that was asked about.
     for samples in (own, Samples.read(OWN)):
         if samples is not None:
             recorded = partial(of_samples, samples.of_kind(kind))

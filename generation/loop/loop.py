@@ -76,6 +76,8 @@ def run_loop(
         UsageError: a setting is wrong, or the output folder has something else.
     """
     inputs = _inputs(folder, out)
+    # Before the lock and the first stage: a wrong folder is told at once, not after hours of
+    # searches.
     earlier = _earlier(settings.against, out)
     with alone(out, "a loop"):
         return _looped(inputs, out, settings, bar, report, earlier)
@@ -96,6 +98,7 @@ def _looped(
     )
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
+    # Processes last over all rounds: each keeps the densities that it has fitted for its targets.
     with Searchers(out, settings) as searchers:
         rounds = (
             [work.round(number, targets, searchers) for number in range(1, settings.rounds + 1)]
@@ -144,6 +147,8 @@ class _Loop:
     ) -> None:
         self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
         self._stages, self._once = stages, stages.once
+        # Filled by `round`, in its order: what a search starts from are the failures of rounds
+        # before.
         self._earlier: dict[str, list[Searched]] = {}
         self._names = inputs.names
         self._recorded, self._played = inputs.recorded, inputs.played(settings.run)
@@ -151,6 +156,8 @@ class _Loop:
     def recognise(self) -> tuple[Recognised, list[SearchTarget], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
         recognised = Recognised()
+        # Without recordings nothing is measured: scenarios of the user have the units that are
+        # shipped.
         own: Samples | None = None
         listed: list[SearchTarget | Refused] = []
         if self._inputs.recordings:
@@ -170,9 +177,11 @@ class _Loop:
                 make,
                 self._recorded,
                 (catalogue, model),
+                # Labels and tags may be corrected by hand: only a missing file is made again.
                 editable=True,
             )
             table = self._out / UNITS
+            # A recording that could not be read is named once, by the catalogue.
             read = [
                 recording
                 for recording in self._inputs.recordings
@@ -183,6 +192,8 @@ class _Loop:
             recognised = replace(recognised, failures=recognised.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = list(of_classes(rows_of(catalogue), catalogue, own))
+        # Only of what is searched: refused classes have no folder that a scenario's could be taken
+        # for.
         classes = (target.name for target in listed if isinstance(target, SearchTarget))
         self._names = distinct(self._inputs.names, classes)
         targets, refused = split([*listed, *of_inputs(self._names, own, self._settings.ask)])
@@ -192,7 +203,10 @@ class _Loop:
         """Search everything, run what was found, and recognise it in the runs."""
         searched = self._searched(number, targets, searchers)
         for outcome in searched:
+            # Of a stage that was finished before, too: a loop that goes on starts from the same
+            # failures.
             self._earlier.setdefault(outcome.target, []).append(outcome)
+        # Those written, not those found: a round is judged by what anybody can play from its files.
         files = [self._out / case.file for outcome in searched for case in outcome.cases]
         if not files:
             return Round(number, searched, Ran(), RecognisedRun())
@@ -238,6 +252,7 @@ class _Loop:
 
     def _run_own(self, folder: Path) -> Ran:
         own, sample = self._inputs.scenarios, self._settings.sample
+        # `True`: sets that violate the scenario's constraint groups are none that it describes.
         jobs = list(jobs_of(own, {}, True, Selection(sample=sample, seed=self._settings.seed)))
         named = partial(_below, self._inputs.folder)
         return replace(
@@ -246,24 +261,27 @@ class _Loop:
 
     def check(self, targets: Sequence[SearchTarget]) -> Checked:
         """Check everything that was written, and the user's scenarios."""
-        return self._once(LoopStage("check"), Checked, self._check, self._all(targets))
+        files = [*files_in(self._out), *self._inputs.scenarios]
+        # By the content of the files: catalogues may be edited between two goes of a loop.
+        content = [loop_runs.file_digest(path) for path in files]
+        of = digest(repr((self._all(targets), content)).encode())
+        return self._once(LoopStage("check"), Checked, partial(self._check, files), of)
 
-    def _check(self) -> Checked:
-        files, run = [*files_in(self._out), *self._inputs.scenarios], self._settings.run
-        problems = []
+    def _check(self, files: Sequence[Path]) -> Checked:
+        run, errors = self._settings.run, list[str]()
         with self._bar("checking", len(files)) as advance:
-            for _, found in check_many(files, run.catalog_path, run.road_path):
-                problems += [str(problem) for problem in found if problem.level == "error"]
+            for _, problems in check_many(files, run.catalog_path, run.road_path):
+                errors += [str(problem) for problem in problems if problem.level == "error"]
                 advance(1)
-        return Checked(files=len(files), problems=problems)
+        return Checked(files=len(files), problems=errors)
 
     def compare(
         self, earlier: Earlier, targets: Sequence[SearchTarget], rounds: Iterable[Round]
     ) -> Against:
         """Return the fates of an earlier loop's failures."""
-        found = [search for round_ in rounds for search in round_.searches]
+        searches = [search for round_ in rounds for search in round_.searches]
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
-            return compare(earlier, targets, found, self._settings, advance)
+            return compare(earlier, targets, searches, self._settings, advance)
 
     def _searched(
         self, number: int, targets: Sequence[SearchTarget], searchers: Searchers
@@ -271,6 +289,7 @@ class _Loop:
         """The searches of a round, several at a time where that many processes are wanted."""
         stages = {target.name: LoopStage("search", number, target.name) for target in targets}
         of = {target.name: self._of(target) for target in targets}
+        # What was finished before needs no process: with one target left, it has them all.
         left = [
             target
             for target in targets
@@ -303,9 +322,12 @@ class _Loop:
     def _of(self, target: SearchTarget) -> str:
         """Content of the files that the result of a target's search depends on."""
         asked = target.asked
+        # With the pinned values, since a road or catalogue of the scenario may be named by a
+        # parameter.
         scenario = played(
             target.scenario, self._settings.run, asked.pinned if asked is not None else {}
         )
+        # The variation file as well: it states limits and densities that its scenario has not.
         own = [
             digest(path.read_bytes()) for path, name in self._names.items() if name == target.name
         ]
@@ -349,15 +371,16 @@ class _Loop:
         # The model that knows the classes discovered in the recordings, where there is one.
         grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
-        loop_runs.catalogue(
+        made = loop_runs.catalogue(
             [folder / RUNS],
             folder / RECOGNISED,
             model,
             self._bar,
             processes=self._settings.processes,
         )
-        recognised = RecognisedRun()
+        recognised = RecognisedRun(failures=made.failures)
         for row in rows_of(folder / RECOGNISED):
+            # Others have scenarios of their own, which say nothing about the system under test.
             if row["vehicle"] == "Ego":
                 recognised.runs.setdefault(row["recording"], []).append(
                     LabelledScenario(row["class"], row["file"])
@@ -372,6 +395,8 @@ def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
         classes.setdefault(row["class"], []).append(row)
     picked = []
     for title in sorted(classes):
+        # By file where equally certain, for the same choice each time; rules alone have no
+        # certainty.
         listed = sorted(classes[title], key=lambda row: (-(row["confidence"] or 0.0), row["file"]))
         # Both ends of the certainty are shown, and one row alone is the surest.
         count = min(most, len(listed))

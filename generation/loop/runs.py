@@ -104,6 +104,7 @@ def units(sources: Sequence[Source], path: Path, bar: Bar) -> Measured:
     samples = Samples.joined(parts) if parts else None
     if samples is not None:
         samples.write(path)
+    # No table where nothing was read: its absence tells the loop to use the shipped units.
     kinds = Counter(samples.kinds.tolist()) if samples is not None else Counter()
     return Measured(kinds=dict(sorted(kinds.items())), failures=failures)
 
@@ -130,11 +131,13 @@ def run_all(
         What `runner.view.report` gives for each run.
     """
     keep = partial(keep_replay, out=folder)
+    # The loop's own replay page is a result like the others: without it a run counts as not done.
     outcomes = run_batch(
         jobs, settings, out=folder, processes=processes, resume=True, also=[keep], needs=[REPLAY]
     )
     files, crashed = {}, 0
     for outcome in outcomes:
+        # The report names runs, not files; a batch that goes on yields the finished ones here too.
         files[outcome.job.name] = outcome.job.source
         crashed += outcome.exit_code == ExitCode.INTERNAL
         progress(1)
@@ -174,6 +177,7 @@ def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> d
     """
     sizes = {}
     for path in paths:
+        # The batch itself reports a file that can't be read; here it only has no size.
         with suppress(ToolchainError):
             sizes[named(path)] = ParameterSpace(path).size
     return {name: size for name, size in sizes.items() if size > most}
@@ -223,6 +227,7 @@ class FinishedStages:
         path = out / _SETTINGS
         check_settings(path, settings, "a loop")
         # The lock is there before the loop begins.
+        # Nothing of the user's is ever mixed with results, which are removed when inputs change.
         if not path.exists() and out.is_dir() and any(path.name != LOCK for path in out.iterdir()):
             raise UsageError(
                 "there is something else in this folder: a loop needs one of its own", path=out
@@ -261,19 +266,20 @@ class FinishedStages:
         if fault:
             self._tell(one_line(f"{fault}: {stage.name} is done again"))
         elif _is_done(before, of):
-            found = from_json(kind, before["found"])
-            self._report(stage, found, None)
-            return found
+            finding = from_json(kind, before["found"])
+            self._report(stage, finding, None)
+            return finding
+        # Also of a stage that was only begun: what an interruption left is of the old inputs.
         elif before["of"] != of:
             _remove(made)
         path = self._path(stage)
         # Begun: after an interruption this tells what the leftovers are made of.
         _write(path, of, None, {})
         begun = time.monotonic()
-        found = work()
-        _write(path, of, asdict(found), self._files(made))
-        self._report(stage, found, time.monotonic() - begun)
-        return found
+        finding = work()
+        _write(path, of, asdict(finding), self._files(made))
+        self._report(stage, finding, time.monotonic() - begun)
+        return finding
 
     def _left(
         self,
@@ -293,6 +299,7 @@ class FinishedStages:
                 _finding(path, kind, record)
         except InvalidFile as error:
             return _unfinished(of), f"{error.path}: damaged"
+        # Files of an unfinished stage have no digests yet: the work itself goes on with them.
         names = self._changed(record["files"], editable) if _is_done(record, of) else []
         more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
         return (
@@ -304,11 +311,9 @@ class FinishedStages:
 
     def _changed(self, files: Mapping[str, str], editable: bool) -> list[str]:
         """Names of changed or missing files."""
-        found = ((name, _digest(self._out / name)) for name in files)
+        now = ((name, file_digest(self._out / name)) for name in files)
         return [
-            name
-            for name, digest in found
-            if (digest is None if editable else digest != files[name])
+            name for name, digest in now if (digest is None if editable else digest != files[name])
         ]
 
     def _files(self, made: Sequence[Path]) -> dict[str, str | None]:
@@ -320,9 +325,10 @@ class FinishedStages:
             for path in ([output] if output.is_file() else output.rglob("*"))
             if path.is_file()
         )
+        # Hidden files are caches and locks of other parts, which come and go without any meaning.
         names = {path: path.relative_to(self._out) for path in paths}
         return {
-            name.as_posix(): _digest(path)
+            name.as_posix(): file_digest(path)
             for path, name in names.items()
             if not any(part[0] == "." for part in name.parts)
         }
@@ -353,13 +359,13 @@ def _unfinished(of: str) -> dict[str, Any]:
 
 
 def _write(
-    path: Path, of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]
+    path: Path, of: str, finding: dict[str, Any] | None, files: Mapping[str, str | None]
 ) -> None:
     with writing("this", path):
-        Records(path).replace([{"of": of, "found": found, "files": dict(files)}])
+        Records(path).replace([{"of": of, "found": finding, "files": dict(files)}])
 
 
-def _digest(path: Path) -> str | None:
+def file_digest(path: Path) -> str | None:
     """The digest of a file; None where it can't be read."""
     try:
         return digest(read_bytes(path))
@@ -373,6 +379,7 @@ def _read(path: Path) -> dict[str, Any]:
     Raises:
         InvalidFile: it is damaged.
     """
+    # A file that can't be read and one that is cut off end alike: without a record.
     records: list[dict[str, Any]] = []
     with suppress(OSError):
         records = Records(path).read().records
@@ -387,6 +394,7 @@ def _is_done(record: Mapping[str, Any], of: str) -> bool:
 
 def _finding(path: Path, kind: type[F], record: Mapping[str, Any]) -> F:
     try:
+        # A record of another version of the program may lack a name or have one more.
         return from_json(kind, record["found"])
     except (TypeError, ValueError) as error:
         raise InvalidFile(

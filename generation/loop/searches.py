@@ -64,9 +64,11 @@ def failures(space: Space, episodes: Episodes, before: FloatArray | None = None)
     """
     # `diverse` keeps the first of those that are alike: the one with the greatest reward.
     order = np.argsort(-episodes.rewards, kind="stable")
+    # Counted by themselves: of a collision and a near miss that are alike, one hides the other.
     collided = order[episodes.outcomes.collision[order]]
     distinct = collided[diverse(space.unit(episodes.theta[collided]), _ALIKE)]
     unit = space.unit(episodes.theta[distinct])
+    # New by the measure of `diverse`, or a failure could be new and a copy of an old one at once.
     new = len(distinct) if before is None else int(apart(unit, space.unit(before), _ALIKE).sum())
     order = order[episodes.outcomes.critical[order]]
     chosen = order[diverse(space.unit(episodes.theta[order]), _ALIKE)]
@@ -119,7 +121,8 @@ def search(
         )
     except ToolchainError as error:
         return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
-    found, cases = failures(made.space, made.history, known), list(_cases(made, out))
+    sought, cases = failures(made.space, made.history, known), list(_cases(made, out))
+    # Those beyond the limits would stretch the plot over a range that is never searched.
     real = target.recorded(made.space).within(made.space).theta
     # Where all draws end with errors nothing is sought: these say why.
     outcomes = (made.episodes if made.lost else made.history).outcomes
@@ -135,13 +138,14 @@ def search(
             for parameter in made.space.parameters
         ],
         pinned=dict(made.space.pinned),
+        # Sought runs alone: the unguided draws are told with the bound that they give.
         calls=len(outcomes),
         failed_runs=int((~outcomes.executed).sum()),
         errors=int((outcomes.status == "error").sum()),
         run_error=mostly,
         collisions=int(outcomes.collision.sum()),
-        distinct=found.collisions,
-        new=found.new,
+        distinct=sought.collisions,
+        new=sought.new,
         cases=cases,
         regions=list(regions_of(made, cases)),
         failed=failures(
@@ -175,9 +179,11 @@ def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
 def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
     """The edge cases: parameters, evidence, files."""
     cases = made.cases
+    # In the order of the cases, one file for each.
     scenarios = made.files[2:]  # after the variation file and that of the density
     for row, (file, theta) in enumerate(zip(scenarios, cases.theta.tolist(), strict=True)):
         survivors = [name for name in cases.judges if cases.drivers[name].survived[row]]
+        # A judge whose run failed neither survives nor collides: of such a case nothing is known.
         all_collide = all(cases.drivers[name].collision[row] for name in cases.judges)
         careful = CarefulDriver.COLLIDES if all_collide else CarefulDriver.UNKNOWN
         yield EdgeCase(
@@ -222,6 +228,7 @@ def road_of(scenario: Path, out: Path) -> str | None:
     logic = xosc.load(scenario).node.need("RoadNetwork").find("LogicFile")
     if logic is None:
         return None
+    # The page opens files below its own folder only: of a road elsewhere it shows no link.
     path = (scenario.parent / logic.get("filepath")).resolve()
     return (
         path.relative_to(out.resolve()).as_posix() if path.is_relative_to(out.resolve()) else None
@@ -271,6 +278,7 @@ class Searchers:
         if not self._processes:
             self._processes = [executor(1, anew=True) for _ in range(self._count)]
         process = self._processes[
+            # In turn by first request, the same in each round, so that a density is fitted once.
             self._numbers.setdefault(target.name, len(self._numbers) % self._count)
         ]
         future = process.submit(_searched, target, number, self._out, self._settings, known)
@@ -315,8 +323,8 @@ class Earlier(NamedTuple):
         Raises:
             UsageError: no loop is there. InvalidFile: what it has left is not readable.
         """
-        sut, found = searches(folder)
-        return cls(folder, sut, _by_target(found))
+        sut, done = searches(folder)
+        return cls(folder, sut, _by_target(done))
 
     def before(self, target: str) -> Before:
         """The failures of a target in all rounds.
@@ -341,7 +349,7 @@ class Earlier(NamedTuple):
 def compare(
     earlier: Earlier,
     targets: Sequence[SearchTarget],
-    found: Iterable[Searched],
+    searched: Iterable[Searched],
     settings: LoopSettings,
     progress: Callable[[int], None],
 ) -> Against:
@@ -351,10 +359,10 @@ def compare(
     unknown.
 
     Args:
-        targets: of this loop. found: their searches.
+        targets: of this loop. searched: their searches.
         progress: called with 1 after each target.
     """
-    done = _by_target(found)
+    done = _by_target(searched)
 
     def along() -> Iterator[Compared]:
         for target in targets:
@@ -363,6 +371,8 @@ def compare(
             progress(1)
         for name in sorted(earlier.searches.keys() - {target.name for target in targets}):
             title = earlier.searches[name][0].title
+            # A class of the earlier loop that is not even in these recordings: its failures may not
+            # vanish from the sums.
             yield _unknown(earlier, name, title, "this loop does not search it")
 
     return Against(earlier.folder.resolve().name, earlier.sut, list(along()))
@@ -380,6 +390,7 @@ def _compared(
         return _unknown(
             earlier, target.name, target.title, f"no run succeeded: {now[0].run_error}", blind=True
         )
+    # Parameters of one name mean another thing in another scenario.
     if then and then[0].scenario != now[0].scenario:
         return _unknown(
             earlier, target.name, target.title, f"it was {then[0].scenario} that was searched"
@@ -393,19 +404,21 @@ def _compared(
         theta = np.array([[case.theta[name] for name in space.names] for case in failures]).reshape(
             -1, len(space.names)
         )
+        # Edge cases only: they were run again with other drivers and are no accidents of a search.
         tried = Tried(space, theta, np.ones(len(theta), bool))
         made = regression(before, target.scenario, tried, search)
+    # A round that was cleared away, or a parameter that is gone, spoils this class alone.
     except UsageError as error:
         return _unknown(earlier, target.name, target.title, error.message)
     known = [
         KnownFailure(dict(values), fate)
         for values, fate in zip(before.values, made.fates, strict=True)
     ]
-    found = {
+    fates: dict[str, Fate] = {
         case.file: fate for case, fate in zip(failures, made.found, strict=True) if fate is not None
     }
-    new = [file for file, fate in found.items() if fate is Fate.NEW]
-    others: dict[str, Fate] = {file: fate for file, fate in found.items() if fate is not Fate.NEW}
+    new = [file for file, fate in fates.items() if fate is Fate.NEW]
+    others = {file: fate for file, fate in fates.items() if fate is not Fate.NEW}
     reason = _NOTHING_BEFORE if then and all(search.in_vain for search in then) else ""
     return Compared(
         target=target.name, title=target.title, reason=reason, before=known, new=new, others=others
@@ -415,11 +428,11 @@ def _compared(
 def _unknown(
     earlier: Earlier, target: str, title: str, reason: str, blind: bool = False
 ) -> Compared:
-    """Return a target without knowledge of its earlier failures."""
-    found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
+    """Return a comparison that knows no fate; `blind` where this loop's searches say nothing."""
     failures = [
         KnownFailure(_texts(case), Fate.UNKNOWN)
-        for case in found
+        for search in earlier.searches.get(target, ())
+        for case in search.cases
         if case.verdict is CaseVerdict.COLLISION
     ]
     return Compared(target=target, title=title, reason=reason, before=failures, blind=blind)

@@ -96,7 +96,9 @@ def coverage(generated: Generated) -> Coverage:
     """Count the tested cells of a search."""
     space, generator = generated.space, np.random.default_rng(0)
     drawn = generated.prior.sample(_DRAWN, generator)
+    # Cells that only far tails of the density reach would never be tested, and count as a lack.
     drawn = drawn[generated.prior.foreseeable(drawn)]
+    # Of parameters that tell cases apart: a start time has cells, and no meaning.
     told = np.flatnonzero(distinctive(space)).tolist()
     outcomes = generated.episodes.outcomes
     ran = generated.episodes.theta[outcomes.executed]
@@ -117,6 +119,7 @@ def coverage(generated: Generated) -> Coverage:
         tested += int((there & (run > 0)).sum())
         failing += int((there & (fails > 0)).sum())
         shares = reached / max(len(drawn), 1)
+        # By weight: a single untested cell may hold half of the density.
         least = min(least, float(shares[run > 0].sum()))
         for row, column in zip(*np.nonzero(there & (run == 0)), strict=True):
             limits = sides[one].limits[row], sides[other].limits[column]
@@ -136,7 +139,9 @@ class _Ranges(NamedTuple):
     @classmethod
     def of(cls, space: Space, column: int, drawn: FloatArray) -> _Ranges:
         choices = space.choices.get(space.names[column])
+        # A set of more values is cut into parts like a range; each value of one would be a cell.
         if choices is not None and len(choices) <= _PARTS:
+            # Search points lie between values and stand for the nearest.
             middles = (np.array(choices[1:]) + np.array(choices[:-1])) / 2.0
             return cls(column, tuple((value, value) for value in choices), middles)
         values = drawn[:, column] if len(drawn) else np.array([space.low[column]])
@@ -208,6 +213,7 @@ def sensitivity(generated: Generated) -> Sensitivity | str:
     told, low, high = told[high > low], low[high > low], high[high > low]
     if len(told) < 2:
         return "one parameter alone varies in the density's draws"
+    # The rarer outcome is kept whole: a model of passes alone explains nothing.
     rows = evenly(failing, _LEARNT)
     x = space.unit(generated.episodes.theta[outcomes.executed])[np.ix_(rows, told)]
     try:
@@ -217,8 +223,10 @@ def sensitivity(generated: Generated) -> Sensitivity | str:
     indices, explained = _indices(forests, x, failing[rows].astype(float), low, high)
     if not len(indices):
         return "failures do not depend on one parameter more than on chance, by models of the runs"
+    # Median over the models: single models' have outliers where little depends on anything.
     value = np.median(indices, axis=0)
     least, most = np.quantile(indices, [0.025, 0.975], axis=0)
+    # By the total index: a parameter that decides only together with another has no first one.
     order = np.argsort(-value[1])
     first, total = (
         {
@@ -247,6 +255,8 @@ def _indices(
         generator = np.random.default_rng(number)
         learnt = generator.integers(len(x), size=len(x))
         forest = forests.ExtraTreesRegressor(_TREES, random_state=number)
+        # Differences of parameters too, or no tree finds that two speeds matter by their
+        # difference.
         forest.fit(differences(x[learnt]), values[learnt])
         # About a third of the runs is in no sample: they test the model without being spent.
         left = np.setdiff1d(np.arange(len(x)), learnt)
@@ -294,6 +304,7 @@ class Assurance:
         covered, decides = coverage(generated), sensitivity(generated)
         can = tuple(_can(generated, covered, decides))
         cannot = tuple(_cannot(generated, settings, covered))
+        # Of libraries that compute results; those that draw and read are left out.
         versions = {"xosc-toolchain": version("xosc-toolchain")}
         versions |= {"python": platform.python_version()}
         for name in _LIBRARIES:
@@ -406,8 +417,10 @@ def _digests(scenario: Path, generated: Generated, settings: SearchSettings) -> 
         for setting in fields(settings)
         if setting.name not in _DECIDE_NOTHING
     ]
+    # As JSON has them: a system that is an object would print its address.
     chosen.append(("run", settings.run.as_json()))
     inputs = files(scenario, settings.run, generated.space.pinned)
+    # Values and whose they are: the same values of other recordings are another density's test.
     units = recorded.theta.tobytes() + repr(recorded.recordings.tolist()).encode()
     return {
         f"scenario {scenario.name}": inputs["scenario"],

@@ -55,11 +55,13 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
             measures, and are none.
     """
     values = space.by_name(theta)
+    # Roles of parameters that this scenario does not have would look up nothing.
     roles = {name: role for name, role in roles.items() if name in values}
     actors = by_actor(values, roles) if roles else {}
     listed = [
         measure for actor, of in actors.items() for measure in _of_actor(of, actor, len(actors) > 1)
     ]
+    # Times before the manoeuvre begins decide no failure: they would be bounds of a rule by chance.
     nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
     ego = next(
         (name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names),
@@ -88,6 +90,7 @@ def _of_categories(
     near = np.abs(codes[:, None] - np.array(list(coded))).argmin(axis=1)
     for name in names:
         texts = [entry.get(name, "") for entry in coded.values()]
+        # A parameter that each choice sets alike tells no runs apart.
         different = list(dict.fromkeys(texts))
         if len(different) < 2:
             continue
@@ -117,8 +120,13 @@ def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterat
     read = reading(of, actor)
     if read.closing is not None:
         yield Measure(f"{before}closing speed", "m/s", read.closing)
+    elif start is not None:
+        # Where the ego's speed is no parameter, the actor's own speed is all there is.
+        yield Measure(f"{before}start speed", "m/s", start)
     if read.headway is not None:
         yield Measure(f"{before}time headway", "s", read.headway)
+    # Headway and speed tell the gap already: a boundary over all three would be drawn along a
+    # surface.
     elif "gap" in of:
         yield Measure(f"{before}gap", "m", of["gap"])
     if AHEAD in of:
@@ -129,6 +137,7 @@ def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterat
         yield Measure(
             f"{before}duration" if several else "duration of the manoeuvre", "s", duration
         )
+        # Mean over the manoeuvre; a duration of 0, a jump, would have no value.
         if start is not None and end is not None:
             of_whom = (
                 f"{before}acceleration" if several else f"acceleration of {actor or 'the actor'}"
@@ -201,6 +210,7 @@ def counterexamples(
     names, cases = _chosen(generated, drivers)
     if not names:
         return Counterexamples(cases, np.zeros(0, bool), np.zeros(0, bool), ())
+    # Told beside each: the likeliest failure of a search without edge cases may be neither.
     foreseeable = generated.prior.foreseeable(cases.theta)
     preventable = np.any([cases.drivers[name].survived for name in cases.judges], axis=0)
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
@@ -215,6 +225,7 @@ def counterexamples(
 
 def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Cases]:
     """One or two failures with their names; none without failures."""
+    # Edge cases first, which a careful driver prevents: other failures say less about the system.
     cases = generated.cases.take(generated.cases.outcomes.collision)
     if not len(cases):
         cases = _others(generated)
@@ -230,7 +241,9 @@ def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Ca
         [name for name, row in rows.items() if row == chosen]
         for chosen in dict.fromkeys(rows.values())
     ]
+    # Once where both are one failure: it has two names and one file.
     chosen = cases.take(np.array(list(dict.fromkeys(rows.values()))))
+    # Only these one or two are driven by others: of all failures it would cost a search.
     return names, chosen if chosen.drivers else replace(
         chosen, drivers=matrix(chosen.theta, drivers, judges=chosen.judges).drivers
     )
@@ -243,6 +256,7 @@ def _others(generated: Generated) -> Cases:
     theta, outcomes, rewards = generated.episodes
     rows = np.flatnonzero(outcomes.executed & outcomes.collision)
     points = theta[rows]
+    # A density may refuse an array without rows.
     likelihood = generated.prior.log_density(points) if len(rows) else np.empty(0)
     return Cases(
         points, outcomes.take(rows), rewards[rows], likelihood, {}, judges=generated.cases.judges
@@ -281,7 +295,9 @@ def replays(
     chosen = list(dict.fromkeys(rows.values()))
     if not chosen:
         return {}
+    # Rows of regions count executed runs; episodes hold the others too.
     executed = np.flatnonzero(outcomes.executed)[chosen]
+    # Reversed, so that the first name of a row is the one that its file gets.
     points, names = theta[executed], {row: name for name, row in reversed(list(rows.items()))}
     judges = generated.cases.judges
     judged = {name: drivers(points, name) for name in dict.fromkeys((CAREFUL, *judges))}
@@ -305,6 +321,7 @@ def replays(
 
 def nearest(generated: Generated, point: FloatArray) -> RecordedUnit | None:
     """The recorded unit that is most like a point (d,)."""
+    # Where the density is stated there is no recorded unit to be near.
     if generated.gate.replayed is None:
         return None
     space, real = generated.space, generated.recorded
@@ -315,6 +332,7 @@ def nearest(generated: Generated, point: FloatArray) -> RecordedUnit | None:
 
 
 def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArray:
+    # Without the nuisances: two units that differ in their start time alone are the same case.
     columns = distinctive(space)
     apart = (space.unit(others) - space.unit(point))[:, columns]
     distances: FloatArray = np.sqrt(np.square(apart).mean(axis=1))
@@ -328,6 +346,7 @@ def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool, dict[str,
     from runner.judging.execution import run
     from runner.view.replay.player import preview, write_replay
 
+    # From the file, not from the search: what is shown is what anybody gets who plays it.
     result = run(file, settings.run)
     result.name = file.stem
     page = file.with_suffix(".html")
@@ -390,6 +409,7 @@ class Region:
 def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
     """The boundary between runs (n,) that fail and those that do not, or why there is none."""
     fails, others = int(failing.sum()), int((~failing).sum())
+    # Five folds need four of each kind in a fold, or the scores are those of luck.
     if min(fails, others) < _FEWEST:
         ran = f"{many(fails + others, 'run')}, {many(fails, 'failure')}"
         return f"{ran}: a boundary needs {_FEWEST} that fail and {_FEWEST} that do not"
@@ -401,6 +421,7 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
     drawn, held = _independent(rows, weights), np.median(rows[failing], axis=0)
     if len(drawn) < 2:
         return "all measures that vary follow from one: there is nothing to draw over two"
+    # A model of the drawn measures alone: a slice of the full one would hide the others' effect.
     few = rows[:, drawn]
     model, alone = _model().fit(few, failing), _scores(few, failing)["test_balanced_accuracy"]
     slices = [
@@ -456,6 +477,7 @@ def _scores(rows: FloatArray, failing: BoolArray) -> dict[str, Any]:
 def _weights(model: Pipeline, rows: FloatArray, failing: BoolArray) -> dict[int, float]:
     from sklearn.inspection import permutation_importance
 
+    # On the runs it was fitted to: the order of the measures is asked, not their worth elsewhere.
     importance = permutation_importance(
         model, rows, failing, scoring="balanced_accuracy", n_repeats=5, random_state=0
     )
@@ -489,7 +511,7 @@ def limits(values: FloatArray) -> tuple[float, float]:
 LINKED = 0.15
 """Distance in the unit cube, root mean square, up to which failures are of one region"""
 _MOST, _GROUPED = 6, 2000
-"""Regions that are listed, and failures that are grouped, evenly chosen where there are more"""
+"""Regions that are listed, and failures that are linked, evenly chosen where there are more"""
 _RULED = 5
 """Fewest failures that a rule is made of"""
 _BOUNDS, _EDGE = 3, 0.02
@@ -533,9 +555,9 @@ class Chance(NamedTuple):
         return cls(failing / draws, (low, min(high, most)), draws, failing)
 
     @classmethod
-    def weighted(cls, found: Probability, draws: int, failing: int) -> Chance:
+    def weighted(cls, estimated: Probability, draws: int, failing: int) -> Chance:
         """Take the probability of weighted draws of an estimate."""
-        return cls(found.value, found.interval, draws, failing)
+        return cls(estimated.value, estimated.interval, draws, failing)
 
     def as_json(self) -> dict[str, Any]:
         """Return it as a JSON object, for files and the page."""
@@ -674,29 +696,30 @@ def with_parts(
         by: values (n,) at the executed runs.
     """
     theta, outcomes, _ = generated.episodes
+    # Runs with errors neither fail nor pass: as passes they would speak against a rule.
     theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
     failing = np.flatnonzero(outcomes.collision)
     if not failing.size or not by:
         return [], None
-    failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
     unit, rows = space.unit(theta)[:, columns], np.stack([measure.values for measure in by], axis=1)
-    # From 0 on: `others` below holds places in `found`, which are labels too.
-    labels = np.unique(grouped(unit[failing], LINKED), return_inverse=True)[1]
+    labels = _labels(unit[failing])
     parts = _Parts(generated, columns, unit[failing], labels)
     traffic = _Traffic.of(generated, by, theta, rows)
     collided = np.flatnonzero(generated.cases.outcomes.collision)
     cases = generated.cases.take(collided)
-    found = []
+    listed = []
     for label in np.unique(labels):
         group = failing[labels == label]
         of = np.zeros(len(rows), bool)
         of[group] = True
         bounds = _rule(rows, of) if len(group) >= _RULED else []
+        # The member nearest to the middle; the middle itself was never run.
         typical = group[
             int(np.argmin(np.square(unit[group] - unit[group].mean(axis=0)).sum(axis=1)))
         ]
         likeliest = group[int(np.argmax(generated.prior.log_density(theta[group])))]
+        # By nearness, since cases have no rows among the runs.
         near = _near(space.unit(cases.theta)[:, columns], unit[group])
         survived = {
             name: int((outcomes.survived & near).sum()) for name, outcomes in cases.drivers.items()
@@ -707,7 +730,7 @@ def with_parts(
             *traffic.scores(bounds, unit[group]),
             len(group),
         )
-        found.append(
+        listed.append(
             FailureRegion(
                 *of_rule,
                 parts.chance([int(label)]),
@@ -718,11 +741,21 @@ def with_parts(
                 survived,
             )
         )
-    order = sorted(range(len(found)), key=lambda row: found[row].importance, reverse=True)
-    listed, others = order[:_MOST], order[_MOST:]
-    chances = [found[row].chance for row in listed]
-    every = FailureParts(chances, parts.chance(others), parts.every, parts.weighted)
-    return [found[row] for row in listed], every
+    order = sorted(range(len(listed)), key=lambda row: listed[row].importance, reverse=True)
+    most = [listed[row] for row in order[:_MOST]]
+    others = parts.chance(order[_MOST:])
+    return most, FailureParts([area.chance for area in most], others, parts.every, parts.weighted)
+
+
+def _labels(unit: FloatArray) -> IntArray:
+    """Number of the region (n,) of each failure (n, k) in the unit cube, from 0 without a gap: they
+    are places in a list of the regions, too."""
+    from scipy.spatial import KDTree
+
+    # Linking has a row for each pair; failures beyond that join the region of the nearest linked.
+    linked = unit[np.linspace(0, len(unit) - 1, min(len(unit), _GROUPED)).astype(int)]
+    labels = np.unique(grouped(linked, LINKED), return_inverse=True)[1]
+    return np.asarray(labels[KDTree(linked).query(unit)[1]], np.int64)
 
 
 class _Parts:
@@ -745,38 +778,45 @@ class _Parts:
         self._failing = theta[outcomes.executed & outcomes.collision]
         self._draws = int(outcomes.executed.sum())
         self.weighted = self._measure is not None
+        # By the same count as the parts, whose sum it is.
         self.every = self.chance(np.unique(labels))
 
     def chance(self, groups: Sequence[int] | IntArray) -> Chance:
         """Probability of the failures of some groups."""
 
         def inside(theta: FloatArray) -> BoolArray:
+            # The tree answers no empty query.
             if not len(theta):
                 return np.zeros(0, bool)
             nearest = self._tree.query(self._space.unit(theta)[:, self._columns])[1]
             return np.isin(self._labels[nearest], groups)
 
         if self._measure is None:
+            # Intervals of a part and of the whole are of different kinds: the part's may not exceed
+            # it.
             whole = Statement(self._draws, len(self._failing), 0).total
             return Chance.counted(int(inside(self._failing).sum()), self._draws, whole)
         every = self._measure.part(lambda theta: np.ones(len(theta), bool))
-        found = self._measure.part(inside).within(every)
+        # Rounding of weights may not make a part exceed the whole that it is printed beside.
+        part = self._measure.part(inside).within(every)
         failing = int(inside(self._measure.theta).sum())
-        return Chance.weighted(found, self._measure.draws, failing)
+        return Chance.weighted(part, self._measure.draws, failing)
 
 
 def _near(unit: FloatArray, others: FloatArray) -> BoolArray:
-    from scipy.spatial.distance import cdist
+    from scipy.spatial import KDTree
 
     if not len(unit):
         return np.empty(0, bool)
-    # `NEAR` is a root mean square over the parameters, `cdist` a sum of squares.
-    return np.asarray(cdist(unit, others).min(axis=1) < NEAR * np.sqrt(unit.shape[1]))
+    # A tree, since draws in arrays fail by tens of thousands: a table of all distances would not
+    # fit. `NEAR` is a root mean square over the parameters, a distance the root of a sum.
+    return np.asarray(KDTree(others).query(unit)[0] < NEAR * np.sqrt(unit.shape[1]))
 
 
 def _rule(rows: FloatArray, of: BoolArray) -> list[Bound]:
     """Bounds that separate the marked rows (n,) of (n, k) best from the others."""
     bounds, inside = list[Bound](), np.ones(len(rows), bool)
+    # Greedy: of three bounds out of twenty, all triples would be a thousand rules a region.
     while len(bounds) < _BOUNDS:
         possible = [bound for bound in _candidates(rows, of) if not _degenerate(bound, bounds)]
         if not possible:
@@ -834,13 +874,14 @@ class _Traffic(NamedTuple):
         points, fails = drawn[ran], outcomes.collision[ran]
         values = rows[[place[row.tobytes()] for row in points]]
         if generated.measuring is not None:
-            more, found = generated.measuring
-            more, found = more[found.executed], found.take(found.executed)
-            named = {each.name: each.values for each in measured(generated, more)}
-            points = np.concatenate([points, more])
-            fails = np.concatenate([fails, found.collision])
-            more_values = np.stack([named[each.name] for each in by], axis=1)
-            values = np.concatenate([values, more_values])
+            played, verdicts = generated.measuring
+            played, verdicts = played[verdicts.executed], verdicts.take(verdicts.executed)
+            named = {measure.name: measure.values for measure in measured(generated, played)}
+            points = np.concatenate([points, played])
+            fails = np.concatenate([fails, verdicts.collision])
+            # By name: of these draws alone a measure may be constant that varies among the runs.
+            more = np.stack([named[measure.name] for measure in by], axis=1)
+            values = np.concatenate([values, more])
         return cls(space.unit(points)[:, columns], values, fails)
 
     def scores(self, bounds: Sequence[Bound], group: FloatArray) -> tuple[Share, Share]:
@@ -851,6 +892,8 @@ class _Traffic(NamedTuple):
         """
         if not bounds:
             return Share(0, 0), Share(0, 0)
+        # Precision by all failures: a rule that holds for failures of another region is not wrong
+        # there.
         inside = np.all([bound.holds(self.rows) for bound in bounds], axis=0)
         own = self.fails.copy()
         own[own] = _near(self.unit[own], group)

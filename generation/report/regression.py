@@ -86,6 +86,8 @@ class Before:
             folder / f"{scenario.stem}_edge_cases.xosc",
             folder / estimate_file(scenario),
         )
+        # A search without a failure writes no edge cases, but its journal: it has nothing to
+        # replay, and all failures of now may be new.
         if not (path.is_file() or any(folder.glob(f"{scenario.stem}_runs_*.jsonl"))):
             raise UsageError(
                 f"--against: no search of {scenario.name} is in this folder", path=folder
@@ -94,6 +96,7 @@ class Before:
         summarised = folder / summary_file(scenario)
         summary = read_object(summarised) if summarised.is_file() else {}
         system = str(summary.get("system", ""))
+        # Who drove is in the tags of the edge cases; without these, the summary says it.
         if not path.is_file():
             return cls(
                 folder, str((summary or estimate or {}).get("sut", "")), (), estimate, system
@@ -101,6 +104,8 @@ class Before:
         tags = {tag.type: tag.value for tag in tags_of(path)}
         verdicts, space = tags.get("Verdict"), ParameterSpace(path)
         if (
+            # One verdict a set: tags of a file that was cut or merged by hand would name the wrong
+            # sets.
             not isinstance(verdicts, Sequence)
             or isinstance(verdicts, str)
             or len(verdicts) != space.size
@@ -137,6 +142,7 @@ class Fates(Counter[Fate]):
     def fails(self, *by: Fate) -> bool:
         """Whether there are failures of any of these fates; of those whose runs failed, nothing
         good is assumed."""
+        # A former failure that could not be replayed may be there still.
         wanted = {*by, Fate.UNKNOWN} if Fate.STILL_THERE in by else set(by)
         return any(self[fate] for fate in wanted)
 
@@ -191,6 +197,7 @@ def regression(
         UsageError: a parameter of before is not declared any more.
     """
     space = tried.space
+    # Codes of a search stand for several parameters at once, which the file has one by one.
     following = {name for texts in space.follows.values() for row in texts.values() for name in row}
     declared = {*space.names, *space.pinned, *following}
     unknown = sorted({name for values in before.values for name in values} - declared)
@@ -201,11 +208,14 @@ def regression(
     with Simulator(
         run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray
     ) as simulator:
+        # As it stands in the file, not as a point: former values may be outside the limits of now.
         jobs = (
             SimulationJob(str(number), scenario, scenario, dict(assignment))
             for number, assignment in enumerate(before.values)
         )
         replayed = simulator.of(jobs)
+    # Nearness beside the replay: a failure that moved a little is not fixed, though its old place
+    # is safe now.
     far = _far(tried, before, settings.choice.apart)
     # Without failures now, `all` of nothing is true: no failure of before is alike one.
     alike = np.array([not row.all() for row in far[:, tried.failing]], bool)
@@ -215,6 +225,7 @@ def regression(
             replayed.executed, replayed.collision, alike, strict=True
         )
     ]
+    # Without former failures `all` of nothing is true: every failure of now is unlike them.
     found = _found(before, scenario, tried, tried.failing & far.all(axis=0), settings)
     return Regression(before, replayed, fates, found, _regions(before, tried, fates))
 
@@ -239,6 +250,7 @@ def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shi
     for label in np.unique(labels):
         of = labels == label
         old, new = of[: len(then)], of[len(then) :]
+        # What is fixed is where failures were, no longer where they are.
         left = unit[: len(then)][old & remains]
         now = np.concatenate([left, unit[len(then) :][new]])
         if not old.any():
@@ -247,6 +259,7 @@ def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shi
             regions[Shift.GONE] += 1
         else:
             way = now.mean(axis=0) - unit[: len(then)][old].mean(axis=0)
+            # Root mean square over parameters, as `NEAR` is.
             moved = not len(left) or float(np.sqrt(np.square(way).mean())) >= NEAR
             regions[Shift.MOVED if moved else Shift.REMAINS] += 1
     return regions
@@ -266,6 +279,7 @@ def _found(
     # A system that has changed under its name would be played as if it were the former one.
     if not rows.size or not before.sut or not _same(before, scenario, run):
         return fates
+    # All at once: a process that loads the former system is the dear part.
     with evaluator_of(scenario, tried.space, replace(settings, run=run)) as former:
         then = former(tried.theta[rows])
     for row, executed, collided in zip(rows.tolist(), then.executed, then.collision, strict=True):
@@ -277,6 +291,7 @@ def _same(before: Before, scenario: Path, run: RunSettings) -> bool:
     """Whether the former system is still there as it was."""
     try:
         return bool(before.system) and system_digest(scenario, run) == before.system
+    # The former system is not installed here: its failures are unlike, and not called new.
     except UsageError:
         return False
 
@@ -288,6 +303,7 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
     found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):
         point = space.point(values)
+        # At another pinned value nothing is like it: the row stays all true.
         if point is not None and _alike(space, values):
             found[row] = apart(
                 space.unit(tried.theta)[:, columns], space.unit(point[None])[:, columns], least

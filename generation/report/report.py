@@ -55,7 +55,8 @@ _SMALLEST = 1e-4
 
 def headline(title: str, sut: str, generated: Generated) -> list[str]:
     """Sentences about a search of a scenario with that title."""
-    found, lost, estimate = _found(title, sut, generated), _lost(generated), generated.estimate
+    failed, lost, estimate = _failed(title, sut, generated), _lost(generated), generated.estimate
+    # Before any figure: a refused density makes every probability below meaningless.
     refusal = generated.gate.refusal
     refused = (
         [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
@@ -63,11 +64,12 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     stated = [_sentence(generated.stated)]
     if generated.bound is not None:
         stated = [_sentence(generated.bound), *stated]
+    # Last, since it says what all before rest on.
     stated.append(_sentence(basis(generated)))
     if estimate is None:
         why = ": the time was over before." if generated.unestimated else "; --estimate does that."
         often = f"How often traffic makes it fail was not estimated{why}"
-        return [found, *refused, *lost, *stated, often]
+        return [failed, *refused, *lost, *stated, often]
     traffic = "simulated traffic" if generated.recorded.simulated else "traffic"
     made = f"When {traffic} makes the manoeuvre of {title}"
     drawn = (
@@ -75,7 +77,7 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
         if generated.gate.replayed is not None
         else f"Where {title} has values as stated (nothing is recorded)"
     )
-    return [found, *refused, *_often(drawn, sut, generated, estimate), *lost, *stated]
+    return [failed, *refused, *_often(drawn, sut, generated, estimate), *lost, *stated]
 
 
 def _sentence(about: object) -> str:
@@ -100,7 +102,8 @@ def basis(generated: Generated) -> str:
     return f"bounds and intervals rest on draws of the {drawn}, {tested}; careful is {judges}"
 
 
-def _found(title: str, sut: str, generated: Generated) -> str:
+def _failed(title: str, sut: str, generated: Generated) -> str:
+    """Sentence on the failures of a search, or that it has none."""
     outcomes = generated.episodes.outcomes
     failures, cases = (
         int((outcomes.executed & outcomes.collision).sum()),
@@ -166,6 +169,7 @@ def _lost(generated: Generated) -> Iterator[str]:
 
 def _often(drawn: str, sut: str, generated: Generated, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
+    # A few heavy weights make such a figure; with no failure at all the limit is sound.
     if not failure.stable and failure.value > 0.0:
         few = f"{failure.counted} are fewer than {LEAST_EFFECTIVE:g}"
         yield (
@@ -231,6 +235,7 @@ def percent(share: float) -> str:
 
 def figure(value: float) -> str:
     """A number with two significant digits."""
+    # Zero has no digits to count.
     if value == 0.0:
         return "0"
     if abs(value) >= 10.0:
@@ -279,7 +284,7 @@ class SearchReport:
             typical and likeliest members, by `_member`. against: the comparison with another
             version of the system; None where there is none. parts: probabilities of regions, of
             the others and of all failures, which add up; None without failures. assured: what the
-        search can and cannot say.
+            search can and cannot say.
     """
 
     scenario: Path
@@ -326,10 +331,11 @@ def render(
     """`write_report` for a caller that has the folder for itself."""
     outcomes = generated.episodes.outcomes
     of, failing = varying(generated), outcomes.collision[outcomes.executed]
-    found, parts = with_parts(generated, of)
+    # Of the same measures as the boundary, so that rules and slices have the same axes.
+    areas, parts = with_parts(generated, of)
     rows = {
         _member(number, name): row
-        for number, area in enumerate(found, start=1)
+        for number, area in enumerate(areas, start=1)
         for name, row in _members(area).items()
     }
     with evaluator_of(scenario, generated.space, settings) as drivers:
@@ -340,7 +346,7 @@ def render(
         settings,
         generated,
         region(of, failing),
-        found,
+        areas,
         members,
         examples,
         assured or Assurance.of(scenario, generated, settings),
@@ -355,6 +361,7 @@ def render(
     write_object(regional, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, of, out)))
+    # Digests of all files: a later search knows by them which it may replace.
     Written(out, scenario.stem).note()
     return out / REPORT
 
@@ -428,6 +435,7 @@ def _films(report: SearchReport, out: Path) -> list[Json]:
     regions = len(report.regions)
     films: dict[str, Json] = {}
     for title, page_path, reproduced, film in (*named[:regions], *chosen, *named[regions:]):
+        # A picture of a run that ends otherwise than the search said would show no failure.
         if film is not None and reproduced:
             play = page_path.relative_to(out).as_posix()
             # Failures with the same account look the same: the first one stands for them.
@@ -435,30 +443,30 @@ def _films(report: SearchReport, out: Path) -> list[Json]:
     return list(films.values())[:_FILMS]
 
 
-def _estimate(found: Estimate | None) -> Json | None:
-    if found is None:
+def _estimate(estimate: Estimate | None) -> Json | None:
+    if estimate is None:
         return None
     events = [
         {
             "name": name,
             "chance": _interval(Rate(probability.value, probability.interval)),
-            "rates": [_interval(rate) for rate in found.rates(name).values()],
+            "rates": [_interval(rate) for rate in estimate.rates(name).values()],
             "effective": round(probability.effective),
             "stable": probability.stable,
         }
-        for name, probability in found.probabilities.items()
+        for name, probability in estimate.probabilities.items()
     ]
     return {
         "events": events,
-        "runs": found.runs,
-        "failed": found.failed,
-        "known": found.known,
-        "driving": str(found.driving),
+        "runs": estimate.runs,
+        "failed": estimate.failed,
+        "known": estimate.known,
+        "driving": str(estimate.driving),
     }
 
 
-def _interval(found: Rate) -> list[float]:
-    return _rounded([found.value, *found.interval])
+def _interval(of: Rate) -> list[float]:
+    return _rounded([of.value, *of.interval])
 
 
 def _region(fitted: Region | str) -> Json:
@@ -529,6 +537,7 @@ def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     """Evenly chosen runs: values of all measures, and whether they fail."""
     outcomes = generated.episodes.outcomes
     failing = outcomes.collision[outcomes.executed]
+    # Evenly in the order of the search: its phases have each their share.
     rows = np.linspace(0, len(failing) - 1, min(len(failing), _SHOWN)).astype(int)
     spread = [float(measure.values.std()) for measure in of]
     values = [[_rounded([measure.values[row]])[0] for measure in of] for row in rows]
@@ -606,7 +615,7 @@ def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -
         "striking": bool(outcomes.striking[row]),
         "risk": round(float(outcomes.risk[row]), 3),
         "likelihood": round(float(cases.log_likelihood[row]), 2),
-        "drivers": [_end(found, row) for found in cases.drivers.values()],
+        "drivers": [_end(driven, row) for driven in cases.drivers.values()],
         **_again(cases, row),
     }
 
@@ -614,6 +623,7 @@ def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -
 def _again(cases: Cases, row: int) -> Json:
     """Whether a failure fails again, and how often with other seeds, with its interval."""
     repeats = cases.repeats
+    # Only failures were run again.
     if repeats is None or not cases.outcomes.collision[row]:
         return {"again": None, "repeated": None}
     share = Share(int(repeats.failing[row]), int(repeats.runs[row]))
@@ -625,6 +635,7 @@ def _again(cases: Cases, row: int) -> Json:
 
 
 def _end(outcomes: Outcomes, row: int) -> str:
+    # A driver that can't play a scenario neither survives nor collides.
     if not outcomes.executed[row]:
         return "unknown"
     return "collides" if outcomes.collision[row] else "survives"
@@ -636,7 +647,7 @@ def _against(report: SearchReport, out: Path) -> Json | None:
         return None
     before = compared.before
     # The other search may have been made without --estimate.
-    chance = (before.estimate or {}).get("probabilities", {}).get("collision")
+    chance = (before.estimate or {}).get("probabilities", {}).get(FAILURE)
     failures = [
         {
             "number": number,

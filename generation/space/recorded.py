@@ -37,9 +37,10 @@ from recognition.labels.maneuvers.parameters import (
 )
 from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
-from schemas.common.errors import UsageError
+from schemas.common.errors import Unsupported, UsageError
 from schemas.common.policy import scratch
 from xosc.document.node import Node
+from xosc.resolve.parameters import ParameterScope
 from xosc.writing.tags import PREFIX
 
 if TYPE_CHECKING:
@@ -119,9 +120,11 @@ class Recorded(NamedTuple):
         Raises:
             UsageError: there is no such density, or it can't be made of them.
         """
+        # All is stated: the draws in `theta` are of the statement, and make no recorded density.
         if len(self.marginals) == len(space.names):
             return self._stated(space, space.admits)
         told = self.recorded_prior(space, judge(density, self.pairs is not None))
+        # The plain case first: parts and constraints cost time in each draw.
         if not self.marginals and space.constraints is None and self.pairs is None:
             return told
         parts = (told, self._stated(space)) if self.marginals else (told,)
@@ -141,6 +144,7 @@ class Recorded(NamedTuple):
                 for name, value in space.pinned.items()
                 if name in recorded.values
             }
+            # All of one adversary may be pinned: then nothing of it is left to judge.
             if names:
                 box = Box(names, space.low[columns], space.high[columns], pinned)
                 priors.append(
@@ -154,10 +158,7 @@ class Recorded(NamedTuple):
         """Rows (n, d) that keep the scenario's constraints, without overlap of vehicles: (n,)."""
         admitted = space.admits(theta)
         if self.pairs is not None:
-            pinned = {
-                name: np.full(len(theta), float(value)) for name, value in space.pinned.items()
-            }
-            admitted = admitted & self.pairs.apart({**pinned, **space.by_name(theta)})
+            admitted = admitted & self.pairs.apart(space.by_name(theta))
         return admitted
 
     def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
@@ -191,6 +192,7 @@ class Recorded(NamedTuple):
         if self.marginals:
             return None
         own = [name for name in self.values if name in space.pinned]
+        # The limits of the recordings themselves: outside of the box nobody asked for any.
         sides = [
             Parameter(name, float(self.values[name].min()), float(self.values[name].max()))
             for name in own
@@ -262,19 +264,19 @@ _LEAST_LIKELY = 1e-3
 """Least share of a density inside the limits of the parameters: below, next to no draw is"""
 
 
-def stated_instead(found: Recorded, space: Space, density: str) -> Recorded | None:
+def stated_instead(recorded: Recorded, space: Space, density: str) -> Recorded | None:
     """Draws from the limits, where shipped units have next to nothing inside them, as beside a
     vehicle that stands; None elsewhere.
 
     Densities that the user names are kept: they state what is likely.
     """
-    if not found.simulated or found.pairs is not None or not found.values:
+    if not recorded.simulated or recorded.pairs is not None or not recorded.values:
         return None
     try:
-        likely = found.recorded_prior(space, density).possible_share >= _LEAST_LIKELY
+        likely = recorded.recorded_prior(space, density).possible_share >= _LEAST_LIKELY
     except UsageError:
         likely = False
-    return None if likely else of_statements(found.marginals, space)
+    return None if likely else of_statements(recorded.marginals, space)
 
 
 def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
@@ -316,11 +318,12 @@ def kind_of(scenario: Path) -> str:
     """
     if not scenario.is_file():
         raise UsageError("no such file", path=scenario)
+    # By the beginning of the name: `cut_in_highway` and `cut_in_narrow_road` have the same units.
     named = (
         kind for name, kind in KINDS_OF_SCENARIOS.items() if scenario.stem.startswith(f"{name}_")
     )
-    found = next(named, None) or _kind_of_recording(xosc.load(scenario).node)
-    if found is None:
+    kind = next(named, None) or _kind_of_recording(xosc.load(scenario).node)
+    if kind is None:
         raise UsageError(
             "nothing says which values are likely: it is no recorded scenario of a known class, "
             "and its name is not that of a manoeuvre, as "
@@ -329,7 +332,7 @@ def kind_of(scenario: Path) -> str:
             "or name recorded units that are like it by --kind",
             path=scenario,
         )
-    return found
+    return kind
 
 
 def of_samples(
@@ -376,6 +379,7 @@ def of_samples(
         [values[name] if name in values else drawn[name] for name in space.names], axis=1
     )
     kinds = sorted(set(samples.kinds.tolist()))
+    # Exposure is counted for each kind: mixed units have no rate.
     kind = kinds[0] if len(kinds) == 1 else ""
     return Recorded(
         theta,
@@ -398,6 +402,7 @@ def _with_jerk(
     known."""
     jerk = next((name for name, role in roles.items() if role.role == JERK), None)
     known = np.flatnonzero(np.isfinite(samples.jerks))
+    # Units without a known jerk are left out only where it is asked: they are most of them.
     if jerk is None or known.size:
         return (samples if jerk is None else samples.where(known)), roles
     if jerk in space.names:
@@ -413,6 +418,7 @@ def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
     unknown = [name for name in space.names if name not in values]
     if unknown:
         raise UsageError(f"recorded pairs have no values of the parameter {unknown[0]}: pin it")
+    # Estimated times may let two vehicles overlap that did not.
     kept = samples.apart(values)
     values = {name: column[kept] for name, column in values.items()}
     theta = np.stack([values[name] for name in space.names], axis=1)
@@ -440,6 +446,7 @@ def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, Int
     units = {}
     for number, actor in enumerate(actors):
         beside = _BESIDE * number
+        # Blocks of two displacements at least: in one of less a unit would come back to itself.
         blocks = np.array_split(order, max(1, len(order) // (2 * beside))) if beside else [order]
         units[actor] = np.empty(len(speeds), np.int64)
         units[actor][order] = np.concatenate([np.roll(block, -beside) for block in blocks])
@@ -455,6 +462,7 @@ def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
     }
     drawn = _drawn(every, _DRAWN)
     theta = np.stack([drawn[name] for name in space.names], axis=1)
+    # Drawn evenly and cut: draws that break a constraint are no statement of the user.
     theta = theta[space.admits(theta)]
     return Recorded(
         theta,
@@ -476,6 +484,7 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
     The recorded parameters are the values that those scenarios declare; most of a kind win where
     there are several kinds. Where the ego is alone, nothing can be searched.
     """
+    # The folder itself too: a single class may have been named.
     for folder in (path, *sorted(folder for folder in path.iterdir() if folder.is_dir())):
         kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
         for file in sorted(folder.glob("*.xosc")):
@@ -503,15 +512,13 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
         return None
     try:
         names = Space.of(file).names
-    except UsageError:
+    except (UsageError, Unsupported):
         return None
-    values = {
-        declaration.get("name"): declaration.get("value")
-        for declaration in document.node.need("ParameterDeclarations").children()
-    }
+    # By the scope: a value may be an expression of other parameters.
+    scope = ParameterScope(document.node.need("ParameterDeclarations").children())
     return (
         names,
-        np.array([float(values[name]) for name in names]),
+        np.array([float(scope.literal(f"${name}")) for name in names]),
         _property(document.node, _RECORDING) or file.stem,
     )
 
@@ -519,6 +526,7 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
 def _kind_of_recording(root: Node) -> str | None:
     """The kind by the class of a recorded scenario; None for others, whose parameters may be of any
     kind."""
+    # A class alone says nothing: tags of a written scenario are those of its author.
     recorded = _property(root, _RECORDING) is not None
     return _KINDS_OF_CLASSES.get(_property(root, _CLASS) or "") if recorded else None
 

@@ -88,6 +88,7 @@ class Space:
 
     def unit(self, theta: FloatArray) -> FloatArray:
         """Points in the unit cube, 0 for least and 1 for greatest values."""
+        # No side is of width 0: `_parameter` and `_obstacle` refuse those.
         return (np.asarray(theta) - self.low) / (self.high - self.low)
 
     def scaled(self, unit: FloatArray) -> FloatArray:
@@ -100,8 +101,8 @@ class Space:
 
     def values(self, row: Sequence[float] | FloatArray) -> dict[str, str]:
         """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
-        (found,) = self.sets(np.array([row], float))
-        return found
+        (values,) = self.sets(np.array([row], float))
+        return values
 
     def sets(self, theta: FloatArray) -> list[dict[str, str]]:
         """Points (n, d) as the scenario's parameters take them: `values` of each."""
@@ -109,6 +110,7 @@ class Space:
         if theta.shape[1] != len(names):
             raise UsageError(f"{theta.shape[1]} values for {len(names)} parameters")
         columns = [self._texts(name, theta[:, place]) for place, name in enumerate(names)]
+        # A space of pinned parameters alone still has as many rows.
         if not columns:
             return [{} for _ in theta]
         rows = [dict(zip(names, texts, strict=True)) for texts in zip(*columns, strict=True)]
@@ -120,16 +122,20 @@ class Space:
 
     def point(self, values: Mapping[str, str]) -> FloatArray | None:
         """The point (d,) of values by name, as `values` gives them; None where they are of no
-        category."""
+        category, or lack a parameter, or have a word for a number."""
         coordinates = list[float]()
         for name in self.names:
             if coded := self.categories(name):
+                # Part of the values: these have those of other parameters too.
                 of = [code for code, texts in coded.items() if texts.items() <= values.items()]
                 if not of:
                     return None
                 coordinates.append(of[0])
+            elif _is_number(text := values.get(name, "")):
+                coordinates.append(float(text))
             else:
-                coordinates.append(float(values[name]))
+                # Values of another version, which did not search this parameter, or had words.
+                return None
         return np.array(coordinates)
 
     def _texts(self, name: str, values: FloatArray) -> list[str]:
@@ -137,6 +143,7 @@ class Space:
         if choices is None:
             return [repr(round(value, DIGITS)) for value in values.tolist()]
         points = np.array(choices)
+        # By the middles between choices; nearness to each of thousands would be a table of its own.
         nearest_point = np.searchsorted(0.5 * (points[1:] + points[:-1]), values)
         return [literal(choice) for choice in points[nearest_point].tolist()]
 
@@ -218,6 +225,7 @@ class Space:
             },
             choice.values(names),
             follows,
+            # Declared limits make the box; ranges of the user may leave what the constraints allow.
             partial(_admits, list(choice.declared.values())) if ranges else None,
         )
 
@@ -243,6 +251,7 @@ class _ParameterChoice:
         self.declared = {
             declaration.get("name"): declaration for declaration in _declarations(node)
         }
+        # All three first: a misspelt name would only seem to be left out.
         for name in (*pinned, *free, *ranges):
             if name not in self.declared:
                 raise UsageError(
@@ -262,7 +271,11 @@ class _ParameterChoice:
             InvalidFile: a pinned value violates its constraints.
         """
         asked = (*self._free, *self._ranges)
-        bounded = [name for name, each in self.declared.items() if _bounded(each, self._scope)]
+        bounded = [
+            name
+            for name, declaration in self.declared.items()
+            if _bounded(declaration, self._scope)
+        ]
         for name in asked:
             limits = self._ranges.get(name)
             reason = _obstacle(name, name in self._pinned, name in bounded, limits, self._scope)
@@ -270,23 +283,24 @@ class _ParameterChoice:
                 raise UsageError(
                     f"the parameter {name} can't be searched: it {reason}", path=self._scenario
                 )
+        # Pinned ones alone: searched ones keep their constraints by the box.
         held = [self.declared[name] for name in self._pinned]
         for violation in ParameterScope(held, self._scope, self._assigned).violations():
             raise violation
         chosen = (_by_default(bounded, ego) if default else set()) | {*asked}
-        found = [
+        searched = [
             name
             for name in self.declared
             if name in chosen and name not in self._pinned
             if name in bounded or name in self._ranges
         ]
-        if not found:
+        if not searched:
             raise UsageError(
                 "no parameter with a lower and an upper limit is left to search: "
                 f"{self._instead()}",
                 path=self._scenario,
             )
-        return found
+        return searched
 
     def _instead(self) -> str:
         """Remedy where nothing is left to search."""
@@ -305,6 +319,7 @@ class _ParameterChoice:
         declared = {
             name: self._scope.own[name].text
             for name, declaration in self.declared.items()
+            # An expression follows from others, and is none that a file could pin.
             if "$" not in declaration.get("value")
         }
         return {**declared, **self._pinned}
@@ -317,12 +332,12 @@ class _ParameterChoice:
 
     def values(self, names: Sequence[str]) -> dict[str, Sequence[float]]:
         """The only values of some of the parameters, by name."""
-        found = {
+        choices = {
             name: _choices(self._ranges[name], self._scope.own[name].type)
             for name in names
             if name in self._ranges
         }
-        return {name: choice for name, choice in found.items() if choice}
+        return {name: choice for name, choice in choices.items() if choice}
 
     def follows(self, names: Sequence[str]) -> dict[str, Mapping[float, Mapping[str, str]]]:
         """Values of other parameters that belong to those of some of the searched ones.
@@ -330,15 +345,16 @@ class _ParameterChoice:
         Raises:
             UsageError: another one is not declared, or is searched or pinned itself.
         """
-        found = {
+        belonging = {
             name: self._ranges[name].follows
             for name in names
             if name in self._ranges and self._ranges[name].follows
         }
+        # Such a value would have two sources, and the one that is written last would win.
         taken = {*self._pinned, *self._free, *self._ranges, *names}
         others = (
             (first, name)
-            for first, values in found.items()
+            for first, values in belonging.items()
             for texts in values.values()
             for name in texts
             if name != first
@@ -351,7 +367,7 @@ class _ParameterChoice:
                 f"the parameter {name} belongs to the values of {first}, and {reason}",
                 path=self._scenario,
             )
-        return found
+        return belonging
 
 
 def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
@@ -361,18 +377,18 @@ def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
         UsageError: there is none. InvalidFile: the file is malformed.
     """
     declared = _declarations(xosc.load(scenario).node)
-    found = {
+    values = {
         declaration.get("name"): declaration.get("value")
         for declaration in declared
         if declaration.get("parameterType") in ("double", *_WHOLE)
     }
-    if not found:
+    if not values:
         raise UsageError(
             "it declares no parameter that is a number: --free LINE@ATTRIBUTE=LOW..HIGH searches "
             "a literal, as 87@value=10..40",
             path=scenario,
         )
-    return found
+    return values
 
 
 def free_option(declared: Mapping[str, str]) -> str:
@@ -408,6 +424,7 @@ def _obstacle(
         return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
     kind = scope.own[name].type
     chosen = limits is not None and bool(limits.choices)
+    # Counted from the limits: a list of ten million would be made before it is refused.
     if limits is not None and not chosen and kind in _WHOLE:
         whole = math.floor(limits.high) - math.ceil(limits.low) + 1
         if whole < 2:
@@ -447,6 +464,7 @@ def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
     bounded = [name for name in bounded if name not in roles or roles[name].role not in ON_REQUEST]
     actors = tuple(f"{role.actor}_" for role in roles.values() if role.actor)
     of_actors = {name for name in bounded if name in roles or name.startswith(actors)}
+    # Without roles a name tells nothing but whose it is: the ego's own is left to its system.
     return of_actors or {name for name in bounded if not name.startswith(f"{ego}_")}
 
 
@@ -471,6 +489,7 @@ def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
             f"the parameter {name} may have values in several intervals, which can't be searched"
         )
     low, high = -np.inf, np.inf
+    # The strictest of each side: a group may name several.
     for constraint in groups[0].children():
         rule, value = constraint.get("rule"), float(scope.literal(constraint.get("value")))
         # The box is closed: a strict limit is the least step of values in files away.
@@ -534,6 +553,7 @@ class KnownRows:
 
     def add(self, unit: FloatArray) -> None:
         """Add rows (n, d)."""
+        # Trees of like size become one, as digits of a binary counter are carried.
         while len(unit) and self._trees and self._trees[-1].n <= len(unit):
             unit = np.concatenate([self._trees.pop().data, unit])
         if len(unit):
@@ -544,6 +564,7 @@ class KnownRows:
         is further than `most`, or there is none."""
         closest, reach = np.full(len(unit), np.inf), np.sqrt(unit.shape[1])
         for tree in self._trees:
+            # A bound a little wider than asked, or rounding would lose rows at the bound itself.
             far = tree.query(unit, distance_upper_bound=most * reach * (1.0 + _ROUNDING))[0]
             closest = np.minimum(closest, np.asarray(far) / reach)
         return closest
@@ -564,6 +585,8 @@ def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray
         if left[index]:
             kept.append(index)
             near = np.array(tree.query_ball_point(unit[index], reach), np.int64)
+            # By the same formula as everywhere else: the tree's own distances differ in the last
+            # bit.
             left[near] &= np.sqrt(np.square(unit[near] - unit[index]).mean(axis=1)) >= least
     return np.array(kept, np.int64)
 

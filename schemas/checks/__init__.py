@@ -23,6 +23,8 @@ from dataclasses import dataclass
 LEVELS = ("error", "warning", "info")
 """Most severe first: an error breaks the standard, a warning deserves a look, an info is for the
 record."""
+LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
+"""Uid of problems with files that exceed the limits of time or memory; no rule of the registry"""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from schemas.catalogs import Folders
-from schemas.checks import Problem
+from schemas.checks import LIMITS, Problem
 from schemas.checks.document import CheckedDocument
 from schemas.checks.osi import check_trace
 from schemas.checks.registry import all_rules
@@ -18,10 +18,6 @@ from schemas.common.errors import InvalidFile, ToolchainError, UsageError, descr
 from schemas.common.policy import LimitReached, limited
 from schemas.common.xml import parse, parse_bytes, rule_of
 from schemas.osi.traces import SUFFIXES
-
-LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
-"""Uid of problems with files that exceed the limits of time or memory; not a rule of the registry
-"""
 
 
 def check(
@@ -50,6 +46,7 @@ def check(
     """
     path = Path(path)
     if path.suffix.lower() in SUFFIXES:
+        # Binary: nothing of what follows can be asked of it.
         return check_trace(path)
     try:
         document = CheckedDocument(
@@ -58,16 +55,17 @@ def check(
             catalog_path,
             road_path,
         )
-        found = _problems(document)
+        problems = _problems(document)
     except InvalidFile as error:
         return [Problem(rule_of(path), "error", error.message, str(path), error.line)]
     except (UsageError, LimitReached):
         raise
     except Exception as error:  # one file never ends the check of the others
         if not isinstance(error, ToolchainError | OSError | MemoryError):
+            # A defect of a rule: the developer needs the place, the report one line.
             traceback.print_exc()
         return [Problem(rule_of(path), "error", f"not checked: {describe(error)[0]}", str(path))]
-    return sorted(found, key=lambda problem: (problem.line or 0, problem.rule, problem.message))
+    return sorted(problems, key=lambda problem: (problem.line or 0, problem.rule, problem.message))
 
 
 def check_many(
@@ -88,6 +86,7 @@ def check_many(
     """
     for path in map(Path, paths):
         try:
+            # For each file anew: a slow one may not take the time of those after it.
             with limited():
                 problems = check(path, catalog_path, road_path, contents.get(path))
         except LimitReached as error:
@@ -98,6 +97,7 @@ def check_many(
 def _problems(document: CheckedDocument) -> list[Problem]:
     rules = [rule for rule in all_rules() if rule.standard == document.standard]
     broken = [problem for rule in rules if rule.precondition for problem in rule.problems(document)]
+    # Without a root, header and version, each other rule would only report what follows from it.
     if broken:
         return broken
     concerned = (rule for rule in rules if not rule.precondition and rule.concerns(document.type))

@@ -42,6 +42,7 @@ class CheckedDocument:
         self.root = tree.getroot()
         self.path = path
         self.catalog_path, self.road_path = catalog_path, road_path
+        # By declaration: two of one name in different scopes have different defaults.
         self._defaults: dict[etree._Element, expressions.Value | None] = {}
         self._pending: set[etree._Element] = set()
         self._sources: dict[str, CheckedDocument] = {}
@@ -67,6 +68,7 @@ class CheckedDocument:
 
     @cached_property
     def _index(self) -> tuple[dict[str, list[etree._Element]], dict[str, list[etree._Element]]]:
+        # One pass for a hundred rules, each of which would go through the whole document.
         tags, attributes = defaultdict(list), defaultdict(list)
         for element in self.root.iter(etree.Element):
             tags[local_name(element)].append(element)
@@ -113,6 +115,7 @@ class CheckedDocument:
     ) -> Problem:
         """A problem at an element of this document."""
         if element is None:
+            # Of the file as a whole, as where it can't be parsed.
             return Problem(rule, level, message, str(self.path))
         return Problem(
             rule, level, message, str(self.path), line_of(element), self.tree.getpath(element)
@@ -124,6 +127,7 @@ class CheckedDocument:
         """An attribute's value with the parameters at their defaults; None where it is absent or
         cannot be decided."""
         text = element.get(name)
+        # Most attributes: substitution of plain text would only take time.
         if text is None or "$" not in text:
             return text
         try:
@@ -135,6 +139,7 @@ class CheckedDocument:
         """An attribute's value as a number; None where it is absent, undecidable or no number."""
         text = self.value(element, name)
         try:
+            # A text that is no number is an error of the XSD, and none of the rule that asks.
             return float(text) if text is not None else None
         except ValueError:
             return None
@@ -157,6 +162,7 @@ class CheckedDocument:
 
         Each is worked out once, or a file of a few lines could ask for a billion evaluations.
         """
+        # Depth as well as cycles: a chain of thousands would exceed the recursion of Python.
         if declaration in self._pending or len(self._pending) > _MAX_INDIRECTIONS:
             return None
         if declaration not in self._defaults:
@@ -200,6 +206,7 @@ class CheckedDocument:
             if scope is not None and local_name(scope) == "ParameterDeclarations":
                 scope = scope.getparent()
             if scope is not None:
+                # The first of two: a second one is the fault of another rule.
                 scopes[scope].setdefault(declaration.get("name") or "", declaration)
         return dict(scopes)
 
@@ -234,6 +241,7 @@ class CheckedDocument:
         for element in self.elements(location):
             for directory in element.iterchildren("Directory"):
                 name = self.value(directory, "path")
+                # A location whose path can't be decided stands for the scenario's own folder.
                 path = self.path.parent if name is None else self.file(name)
                 return Directory(path, self.path, line_of(directory))
         return None
@@ -263,6 +271,7 @@ class CheckedDocument:
     def source(self, entry: CatalogEntry) -> CheckedDocument:
         """The document that a catalogue entry is in."""
         root = entry.element.getroottree()
+        # Once a file: an index of a large catalogue for each reference would be quadratic.
         if entry.path not in self._sources:
             self._sources[entry.path] = CheckedDocument(root, Path(entry.path))
         return self._sources[entry.path]

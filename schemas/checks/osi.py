@@ -125,11 +125,11 @@ class _Ids:
 @cache
 def all_osi_rules() -> tuple[OsiRule, ...]:
     """Every rule for traces, by uid."""
-    found = {check.rule.uid: check.rule for rules in _rules().values() for check in rules}
+    fields = {check.rule.uid: check.rule for rules in _rules().values() for check in rules}
     own = [OsiRule(f"{_OWN}:{name}", level, text) for name, (level, text) in REQUIREMENTS.items()]
     formats = [OsiRule(f"{_FORMAT}.{name}", "error", text) for name, text in _FORMATS.items()]
     readable = OsiRule(READABLE, "error", "The messages of a trace can be read.")
-    return tuple(sorted([*found.values(), *own, *formats, readable], key=lambda rule: rule.uid))
+    return tuple(sorted([*fields.values(), *own, *formats, readable], key=lambda rule: rule.uid))
 
 
 @cache
@@ -145,6 +145,7 @@ def _rules() -> dict[str, tuple[_FieldRule, ...]]:
 
 def _of_field(message: str, field: str, text: str) -> Iterator[_FieldRule]:
     uid = f"{_SOURCE}.{message.lower()}.{field}"
+    # The small language of the table: a comma joins rules of one field.
     for part in text.split(", "):
         words = part.split()
         ranged = _RANGE.fullmatch(part)
@@ -189,6 +190,7 @@ def _of_field(message: str, field: str, text: str) -> Iterator[_FieldRule]:
 def _in_range(sign: str, limit: float) -> Callable[[Any, str, _Ids], str | None]:
     def broken(message: Any, field: str, _ids: _Ids) -> str | None:
         value = getattr(message, field)
+        # An unset number reads as 0, which would break limits above it; presence is another rule's.
         good = not message.HasField(field) or _COMPARE[sign](value, limit)
         return None if good else f"{field} is {value:g}, {sign} {limit:g} is expected"
 
@@ -233,16 +235,18 @@ def _is_country(message: Any, field: str, _ids: _Ids) -> str | None:
 def _refers(kind: str) -> Callable[[Any, str, _Ids], str | None]:
     def broken(message: Any, field: str, ids: _Ids) -> str | None:
         values = getattr(message, field)
+        # Repeated fields have a length, in each implementation of protobuf their own class.
         if not isinstance(values, tuple | list) and not hasattr(values, "__len__"):
             values = [values] if message.HasField(field) else []
         for value in values:
             number = value.value
-            found = (
+            # This message first: an id that is used again stands for the newer thing.
+            other = (
                 ids.here[number].DESCRIPTOR.name if number in ids.here else ids.known.get(number)
             )
-            if found != kind:
+            if other != kind:
                 return f"{field} {number} is " + (
-                    f"the id of a {found}, not of a {kind}" if found else f"of no {kind}"
+                    f"the id of a {other}, not of a {kind}" if other else f"of no {kind}"
                 )
         return None
 
@@ -258,16 +262,17 @@ def check_trace(path: Path) -> list[Problem]:
     Raises:
         MissingExtra: the packages for OSI are not installed.
     """
-    found = _ProblemMessages(path)
+    problems = _ProblemMessages(path)
     trace = Trace(path)
     try:
         if trace.is_mcap:
-            _check_format(trace, found)
+            _check_format(trace, problems)
         for number, rule, text in breaches(trace.frames()):
-            found.add(rule, text, number)
+            problems.add(rule, text, number)
     except (InvalidFile, Unsupported) as error:
-        found.add(OsiRule(READABLE, "error", ""), error.message, None)
-    return found.problems()
+        # What was found before the damage is reported with it.
+        problems.add(OsiRule(READABLE, "error", ""), error.message, None)
+    return problems.problems()
 
 
 def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str]]:
@@ -289,7 +294,16 @@ def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str
             yield frame.number, rule, f"{where}: {text}" if where else text
         for name, text in requirements.of(frame.truth):
             yield frame.number, OsiRule(f"{_OWN}:{name}", *REQUIREMENTS[name]), text
+        # The kind alone: messages themselves would keep a whole trace in memory.
         ids.known |= {number: message.DESCRIPTOR.name for number, message in ids.here.items()}
+
+
+class _Places(NamedTuple):
+    """First and last message with a problem, and their number; each of a million may have it."""
+
+    first: int | None
+    last: int | None
+    count: int
 
 
 class _ProblemMessages:
@@ -297,14 +311,17 @@ class _ProblemMessages:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._places: dict[tuple[OsiRule, str], list[int]] = {}
+        self._places: dict[tuple[OsiRule, str], _Places] = {}
 
     def add(self, rule: OsiRule, text: str, message: int | None) -> None:
         """Note a problem of a message, or of the file."""
-        places = self._places.setdefault((rule, text), [])
-        # The first message and a count: each of a million messages may have the fault.
-        if message is not None:
-            places[:] = [places[0] if places else message, (places[1] if places else 0) + 1]
+        if message is None:
+            self._places.setdefault((rule, text), _Places(None, None, 0))
+            return
+        places = self._places.get((rule, text), _Places(message, None, 0))
+        # Parts of a message without an id have one text: they count once.
+        if places.last != message:
+            self._places[rule, text] = _Places(places.first, message, places.count + 1)
 
     def problems(self) -> list[Problem]:
         """One for each rule and text."""
@@ -316,8 +333,8 @@ class _ProblemMessages:
             counts[rule.uid] = counts.get(rule.uid, 0) + 1
             if counts[rule.uid] > MOST:
                 continue
-            more = f" and {places[1] - 1} more" if places and places[1] > 1 else ""
-            where = f"message {places[0]}{more}: " if places else ""
+            more = f" and {places.count - 1} more" if places.count > 1 else ""
+            where = "" if places.first is None else f"message {places.first}{more}: "
             made.append(Problem(rule.uid, rule.level, where + text, str(self._path)))
         for uid, count in counts.items():
             if count > MOST:
@@ -329,6 +346,7 @@ class _ProblemMessages:
 def _collect(message: Any, here: dict[int, Any]) -> None:
     """The things of a message by their ids; of several with one id the first."""
     for field, values in message.ListFields():
+        # Things with ids are in repeated fields of the ground truth itself, nowhere deeper.
         if field.message_type is not None and _is_repeated(field):
             for item in values:
                 if "id" in item.DESCRIPTOR.fields_by_name and item.HasField("id"):
@@ -400,11 +418,11 @@ _OF_CHANNELS = (
 _VERSION = re.compile(r"\d+\.\d+\.\d+")
 
 
-def _check_format(trace: Trace, found: _ProblemMessages) -> None:
+def _check_format(trace: Trace, problems: _ProblemMessages) -> None:
     contents = trace.contents
 
     def add(name: str, text: str) -> None:
-        found.add(OsiRule(f"{_FORMAT}.{name}", "error", _FORMATS[name]), text, None)
+        problems.add(OsiRule(f"{_FORMAT}.{name}", "error", _FORMATS[name]), text, None)
 
     records = [values for name, values in contents.metadata if name == TRACE]
     if len(records) != 1:
@@ -484,6 +502,7 @@ class Requirements:
         if self._before is not None and now <= self._before:
             yield "timestamp.ascends", "the timestamp does not ascend"
         self._before = now
+        # Added up over messages: what does not change may be in the first ones alone.
         self._lanes |= {lane.id.value: lane.classification for lane in truth.lane}
         self._boundaries |= {boundary.id.value for boundary in truth.lane_boundary}
         for body in truth.stationary_object:
@@ -548,6 +567,7 @@ class Requirements:
             if truth.HasField("host_vehicle_id") and vehicle.id.value == truth.host_vehicle_id.value
             for one in vehicle.moving_object_classification.assigned_lane_id
         }
+        # Messages without lanes say nothing about marks.
         if truth.lane and marked != host:
             yield (
                 "host.is_there",
@@ -566,6 +586,7 @@ class Requirements:
                 if pair.HasField("antecessor_lane_id")
                 else None
             )
+            # OSI gives intersections no centre lines: neither end can be compared there.
             if before is None or before.type == before.TYPE_INTERSECTION or not before.centerline:
                 continue
             end, start = before.centerline[-1], lane.centerline[0]

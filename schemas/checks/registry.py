@@ -77,6 +77,7 @@ class RegisteredRule:
     def problems(self, document: CheckedDocument) -> Iterator[Problem]:
         """Problems of the rule in a document."""
         for number, (element, message, level) in enumerate(self.check(document)):
+            # Generators stop here: rules find lazily, and the rest is never worked out.
             if number == MAX_FINDINGS:
                 yield document.problem(
                     self.uid,
@@ -106,6 +107,7 @@ def rule(
     description."""
 
     def register(check: Check) -> Check:
+        # Two checks under one uid would share its suppression and its place in reports.
         if uid in _rules:
             raise ValueError(f"the rule {uid} is registered twice")
         _rules[uid] = RegisteredRule(uid, level, kinds, since, precondition, check)
@@ -117,6 +119,7 @@ def rule(
 @cache
 def all_rules() -> tuple[RegisteredRule, ...]:
     """Every rule, preconditions first, then by uid."""
+    # Not at the top: it registers its rules here, and would import this module half made.
     import_module("schemas.checks.structure")
     for package in _PACKAGES:
         packages.load(package)
@@ -176,9 +179,11 @@ def _unfinished(graph: Mapping[Node, Collection[Node]]) -> set[Node]:
     users: dict[Node, list[Node]] = {node: [] for node in graph}
     open_edges = dict.fromkeys(graph, 0)
     for node, targets in graph.items():
+        # Each target once: a count of doubled edges would never come down to 0.
         for target in set(targets) & graph.keys():
             users[target].append(node)
             open_edges[node] += 1
+    # The list grows while it is gone through: a node is finished when all that it leads to are.
     finished = [node for node, count in open_edges.items() if count == 0]
     for node in finished:
         for user in users[node]:

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from lxml import etree
 
-from schemas.checks import LEVELS, Problem
+from schemas.checks import LEVELS, LIMITS, Problem
 from schemas.checks.osi import OsiRule, all_osi_rules
 from schemas.checks.registry import RegisteredRule, all_rules
 from schemas.common.packages import version
@@ -28,6 +28,7 @@ _STANDARDS = {".xodr": "xodr", **dict.fromkeys(SUFFIXES, "osi")}
 """Standards of files without a problem by their endings; all others are scenarios"""
 _XQAR_LEVELS = {"error": "1", "warning": "2", "info": "3"}
 _SARIF_LEVELS = {"error": "error", "warning": "warning", "info": "note"}
+_LIMITED = "A file must be checked within the limits of time and memory."
 _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
@@ -37,15 +38,16 @@ def summary(results: Results) -> str:
     accepted = sum(
         not any(problem.level == "error" for problem in problems) for _, problems in results
     )
-    found = ", ".join(
+    levels = ", ".join(
         f"{counts[level]} {level}{'s' * (counts[level] != 1 and level != 'info')}"
         for level in LEVELS
     )
-    return f"{len(results)} file{'s' * (len(results) != 1)} checked, {accepted} accepted: {found}"
+    return f"{len(results)} file{'s' * (len(results) != 1)} checked, {accepted} accepted: {levels}"
 
 
 def text(results: Results) -> str:
     """One line a problem, `file:line: level: message [rule]`, then the summary."""
+    # One line each, whatever a file's names hold: line breaks in them could forge further reports.
     lines = [
         one_line(f"{problem} [{problem.rule}]") for _, problems in results for problem in problems
     ]
@@ -84,6 +86,7 @@ def as_json(results: Results) -> str:
 def junit(results: Results) -> str:
     """A test suite with one case a file: it fails on errors; warnings and infos are its output."""
     failures = sum(any(problem.level == "error" for problem in problems) for _, problems in results)
+    # No errors by JUnit's meaning: a defect of the checker is a problem of the file in this report.
     totals = {"tests": str(len(results)), "failures": str(failures), "errors": "0"}
     root = etree.Element("testsuites", {"name": TOOL, **totals})
     suite = etree.SubElement(root, "testsuite", {"name": TOOL, **totals, "skipped": "0"})
@@ -95,6 +98,7 @@ def junit(results: Results) -> str:
         )
         errors = [problem for problem in problems if problem.level == "error"]
         if errors:
+            # CI pages show this alone; the text below has them all.
             message = errors[0].message if len(errors) == 1 else f"{len(errors)} errors"
             failure = etree.SubElement(
                 case, "failure", {"type": errors[0].rule, "message": xml_text(message)}
@@ -126,6 +130,7 @@ def xqar(results: Results) -> str:
         standard = min(standards, default=_STANDARDS.get(path.suffix.lower(), "xosc"))
         # Numbered over the whole bundle, by object: two problems may be equal.
         numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
+        # Each rule, those without an issue too: by them the format says what was checked.
         for uid, description in _rules(standard):
             _xqar_checker(
                 bundle,
@@ -145,12 +150,11 @@ def _xqar_checker(
     numbers: dict[int, str],
 ) -> None:
     checker_id = "check_" + uid.replace(":", "_").replace(".", "_")
-    found = f"{len(problems)} issue(s) found" if problems else ""
     attributes = {
         "checkerId": checker_id,
         "description": description,
         "status": "completed",
-        "summary": found,
+        "summary": f"{len(problems)} issue(s) found" if problems else "",
     }
     checker = etree.SubElement(bundle, "Checker", attributes)
     etree.SubElement(checker, "AddressedRule", {"ruleUID": uid})
@@ -184,12 +188,12 @@ def sarif(results: Results) -> str:
             {"id": uid, "shortDescription": {"text": description}} for uid, description in rules
         ],
     }
-    found = [
+    reported = [
         _sarif_result(problem, indices[problem.rule])
         for _, problems in results
         for problem in problems
     ]
-    run = {"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": found}
+    run = {"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": reported}
     return (
         json.dumps(
             {"$schema": _SARIF_SCHEMA, "version": "2.1.0", "runs": [run]},
@@ -208,6 +212,7 @@ def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
     if problem.line is not None:
         location["physicalLocation"]["region"] = {"startLine": problem.line}
     if problem.element is not None:
+        # The path in the document stays right when lines shift between two revisions.
         location["logicalLocations"] = [{"fullyQualifiedName": problem.element, "kind": "element"}]
     return {
         "ruleId": problem.rule,
@@ -222,8 +227,12 @@ def _rules(standard: str | None) -> list[tuple[str, str]]:
     """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is
     None."""
     rules: list[RegisteredRule | OsiRule] = [*all_rules(), *all_osi_rules()]
+    # Limits are no rule, but problems under their uid have to find a place in each report.
+    described = [(LIMITS, _LIMITED), *((rule.uid, rule.description) for rule in rules)]
     return [
-        (rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])
+        (uid, description)
+        for uid, description in described
+        if standard in (None, uid.split(":")[1])
     ]
 
 

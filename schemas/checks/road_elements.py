@@ -202,6 +202,7 @@ def unknown(root: etree._Element) -> Iterator[Unknown]:
     """Elements of a road network that the table does not have, in document order."""
     for _, path, declared, children in _described(root):
         if declared.children is not None:
+            # Not those that may stand anywhere: nobody misspells `road` for `userData`.
             names = declared.children - _ANYWHERE
             for child, name in children:
                 if name not in declared.children:
@@ -236,6 +237,7 @@ _Children = list[tuple[etree._Element, str]]
 def _described(root: etree._Element) -> Iterator[tuple[etree._Element, str, _Element, _Children]]:
     """Elements that the table describes, in document order: their path, description, and children
     with names."""
+    # A list, since recursion is as deep as a file nests its elements.
     pending = [(root, "")]
     while pending:
         element, path = pending.pop()
@@ -244,6 +246,7 @@ def _described(root: etree._Element) -> Iterator[tuple[etree._Element, str, _Ele
             continue
         children = [(child, local_name(child)) for child in element.iterchildren(etree.Element)]
         yield element, path, declared, children
+        # Below an element that is not known nothing is: its children may be anything.
         known = (
             children
             if declared.children is None

@@ -61,6 +61,7 @@ def _at(sections: tuple[SectionLanes, ...], s: float, first: bool = False) -> fr
     index = bisect_right([section.start for section in sections], s) - 1
     if not sections or (index < 0 and not first):
         return frozenset()
+    # Before the first section its lanes count: files begin it at 0.001 and the like.
     section = sections[max(index, 0)]
     return section.ids if s <= section.end else frozenset()
 
@@ -90,6 +91,7 @@ def _read(path: Path, _stamp: Stamp) -> ReferencedRoads:
     root = parse(path).getroot()
     if local_name(root) != "OpenDRIVE":
         raise InvalidFile(f"the root element is <{local_name(root)}>, not OpenDRIVE", path=path)
+    # `{*}`, here and below, since exports of editors have ASAM's namespace.
     roads = {element.get("id") or "": _road(element) for element in root.iterchildren("{*}road")}
     signals = {element.get("id") or "" for element in root.iter("{*}signal")}
     controllers = {element.get("id") or "" for element in root.iter("{*}controller")}
@@ -98,6 +100,8 @@ def _read(path: Path, _stamp: Stamp) -> ReferencedRoads:
 
 
 def _road(element: etree._Element) -> ReferencedRoad:
+    # OpenDRIVE 1.9 has a second `lanes` for temporary layers; earlier versions have one without
+    # layer.
     layers: dict[bool, list[SectionLanes]] = {False: [], True: []}
     for lanes in element.iterfind("{*}lanes"):
         for section in lanes.iterfind("{*}laneSection"):
@@ -106,7 +110,7 @@ def _road(element: etree._Element) -> ReferencedRoad:
             end = math.inf if math.isnan(own) else start + own
             layers[lanes.get("layer") == "temporary"].append(SectionLanes(start, end, ids))
     permanent, temporary = (
-        tuple(sorted(found, key=lambda section: section.start)) for found in layers.values()
+        tuple(sorted(sections, key=lambda section: section.start)) for sections in layers.values()
     )
     return ReferencedRoad(_number(element.get("length")), permanent, temporary)
 
@@ -142,5 +146,6 @@ def first(folders: Iterable[Path], name: str) -> Path | None:
 def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:
     """Yield the paths that may be meant by a file name, in order of preference."""
     stem = name.removesuffix(_SUFFIX)
+    # As it is written first: a file without ending may lie beside one with it.
     names = [text for text in dict.fromkeys((name, stem + _SUFFIX, stem)) if text]
     yield from (folder / name for folder in folders for name in names)

@@ -44,6 +44,7 @@ def root_element_names_the_standard(document: CheckedDocument) -> Iterator[Findi
 def header_is_present(document: CheckedDocument) -> Iterator[Finding]:
     """The root element must have the header as a child: FileHeader in OpenSCENARIO, header in
     OpenDRIVE."""
+    # Below another root nothing is expected: that root is the one fault to report.
     if local_name(document.root) == document.standard and document.header is None:
         yield Finding(
             document.root,
@@ -130,6 +131,7 @@ def _violations_without_namespaces(tree: etree._ElementTree, schema: Schema) -> 
 @rule("asam.net:xosc:1.0.0:general.file_ending", level="warning")
 def file_has_the_ending(document: CheckedDocument) -> Iterator[Finding]:
     """Scenario descriptions should have the file extension .xosc."""
+    # As it is spelt: systems that tell `.XOSC` from it do not find the file by its ending.
     if document.path.suffix != ".xosc":
         yield Finding(
             document.root, f"the file ends in {document.path.suffix!r}, .xosc is expected"
@@ -165,6 +167,7 @@ def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree
             or local_name(element) in _NOT_OWN_NAMES
         ):
             continue
+        # Elements of different kinds too: a reference has the name alone.
         if seen.setdefault((parent, name), element) is not element:
             yield (
                 element,

@@ -188,6 +188,7 @@ def reason(error: Exception) -> str:
     """Return a foreign exception as one line: its first line, the missing key, or its type."""
     if isinstance(error, KeyError):
         return f"there is no {error}"
+    # Libraries explain themselves over many lines: the first one names the fault.
     return next(iter(str(error).strip().splitlines()), type(error).__name__)
 
 
@@ -210,6 +211,7 @@ def blame(error: BaseException, module: str) -> str:
         ]
         return f"it has no class {error.name!r}; {nearest(str(error.name), own_classes)}"
     file = _file_of(module)
+    # The last frame of the plug-in's own: what it calls may fail far below.
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     return f"{type(error).__name__}: {error}" + (
         f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
@@ -219,10 +221,10 @@ def blame(error: BaseException, module: str) -> str:
 def _file_of(module: str) -> str | None:
     """File of a module, also after a failed import."""
     try:
-        found = sys.modules[module].__spec__ if module in sys.modules else find_spec(module)
+        spec = sys.modules[module].__spec__ if module in sys.modules else find_spec(module)
     except (ImportError, ValueError):
         return None
-    return found.origin if found else None
+    return spec.origin if spec else None
 
 
 _plugins: dict[str, str] = {}
@@ -260,11 +262,13 @@ def describe(error: Exception) -> tuple[str, int]:
             "this takes more memory than there is, or than the process may have",
             Unsupported.exit_code,
         )
+    # A folder that can't be written and the like: the call is at fault, not the toolchain.
     elif isinstance(error, OSError):
         message, code = (
             ": ".join(str(part) for part in (error.strerror or error, error.filename) if part),
             ExitCode.USAGE,
         )
+    # After errors of the system, which a plug-in may only be the first to meet.
     elif failed := _failed_plugin(error):
         message, code = failed, ExitCode.USAGE
     else:
@@ -275,6 +279,7 @@ def describe(error: Exception) -> tuple[str, int]:
 def _lacks_memory(error: Exception) -> bool:
     """Whether an error is a shortage of memory, also of the loader of libraries, which says so in
     its message only."""
+    # libsumo and torch are mapped when they are imported: under `ulimit -v` that fails first.
     if isinstance(error, ImportError):
         return any(text in str(error) for text in ("failed to map segment", "cannot allocate"))
     if isinstance(error, RuntimeError) and "can't start new thread" in str(error):
@@ -285,15 +290,16 @@ def _lacks_memory(error: Exception) -> bool:
 
 def similar(name: str, names: Iterable[str]) -> str:
     """Return the question for the most similar of `names`; empty where none is."""
-    found = most_similar(name, names)
-    return f"did you mean {found!r}?" if found else ""
+    other = most_similar(name, names)
+    return f"did you mean {other!r}?" if other else ""
 
 
 def most_similar(name: str, names: Iterable[str]) -> str:
     """Return the most similar of `names`; empty where none is."""
     names = [name for name in names if name]
-    found = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
-    return found[0] if found else ""
+    # Bounded: comparing takes time by the square of the lengths, and names come from files.
+    close = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
+    return close[0] if close else ""
 
 
 def guess(name: str, names: Iterable[str]) -> str:
@@ -306,6 +312,7 @@ def guess(name: str, names: Iterable[str]) -> str:
 def like_or_nearest(text: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown text: the names that it is a part of, else as `nearest`."""
     names = [name for name in names if name]
+    # Part of a name first: `cut in` is nearer to "highway cut in" than by its letters.
     within = [name for name in names if text and text.casefold() in name.casefold()]
     return (
         f"did you mean {' or '.join(map(repr, within))}?"

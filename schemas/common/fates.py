@@ -48,6 +48,7 @@ Fates = Mapping[str, FieldFate]
 
 def undeclared(fields: Mapping[str, str], fates: Fates) -> list[str]:
     """Fields without a fate, and fates of fields that do not exist."""
+    # Both ways: a field that was added, and a fate of one that was renamed.
     return sorted(fields.keys() ^ fates.keys())
 
 
@@ -81,6 +82,7 @@ def _cell(fate: FieldFate, notes: list[str]) -> str:
         return SIGNS[fate.outcome]
     if fate.outcome == KEPT:
         return f"{SIGNS[KEPT]} {fate.text}"
+    # One number for one reason, however many fields share it.
     if fate.text not in notes:
         notes.append(fate.text)
     return f"{SIGNS[fate.outcome]} {notes.index(fate.text) + 1}"

@@ -58,6 +58,7 @@ def installed(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
         UsageError: an entry point has a name of these, or of another package.
     """
     entries: dict[str, EntryPoint] = {}
+    # Both are part of the cache's key: tests and notebooks change them.
     for entry in _declared(tuple(sys.path), os.path.realpath(os.curdir)).get(group, ()):
         if entry.name in taken:
             raise UsageError(f"{told(entry)} takes a name of the toolchain's own")
@@ -89,6 +90,7 @@ def load(entry: EntryPoint, needs: Sequence[str] = ()) -> ModuleType:
         UsageError: it can't be imported, is no module, takes a name in use or lacks a needed one;
             or --untrusted.
     """
+    # Before anything of it is imported, since importing executes.
     current().admit_code(told(entry))
     try:
         module = entry.load()
@@ -102,6 +104,7 @@ def load(entry: EntryPoint, needs: Sequence[str] = ()) -> ModuleType:
     if not isinstance(module, ModuleType):
         raise UsageError(f"{told(entry)} is no module")
     note_plugin(module.__name__, told(entry))
+    # Now, not at its first use in the middle of a batch.
     missing = [name for name in needs if not hasattr(module, name)]
     if missing:
         raise UsageError(f"{told(entry)} has no {missing[0]}")
@@ -137,6 +140,7 @@ def register(group: str, homes: Callable[[], Collection[str]]) -> None:
         package = entry.module.partition(".")[0]
         # The package may have registered its kinds when another of its modules was imported.
         own = any(home.partition(".")[0] == package for home in homes())
+        # A module whose decorators were forgotten would be there and do nothing.
         if len(homes()) == before and not own:
             raise UsageError(f"{told(entry)} registers nothing")
 
@@ -151,14 +155,14 @@ def of_element(name: str) -> EntryPoint | None:
 
     A plug-in that can't be imported has no elements here: a run names it, a check goes on.
     """
-    declared: list[EntryPoint] = []
+    entries: list[EntryPoint] = []
     for group in _OF_ELEMENTS:
         with suppress(UsageError):
             modules(group)
-            declared += installed(group).values()
+            entries += installed(group).values()
     home = _HOMES.get(name, "")
     package = home.partition(".")[0]
-    own = [entry for entry in declared if entry.module.partition(".")[0] == package]
+    own = [entry for entry in entries if entry.module.partition(".")[0] == package]
     # The module may be another one of the package, which the one of the entry point imports.
     return min(own, key=lambda entry: entry.module != home, default=None)
 
@@ -170,10 +174,11 @@ def _declared(path: tuple[str, ...], working: str) -> dict[str, tuple[EntryPoint
     Args:
         path: `sys.path`. working: the working folder.
     """
-    found: dict[str, list[EntryPoint]] = {}
+    declared: dict[str, list[EntryPoint]] = {}
     seen: set[str] = set()
     for folder in _metadata_folders(path, Path(working)):
         name = _distribution(folder)
+        # The first on the path is the one that Python imports.
         if name in seen:
             continue
         seen.add(name)
@@ -187,8 +192,8 @@ def _declared(path: tuple[str, ...], working: str) -> dict[str, tuple[EntryPoint
 
         for entry in PathDistribution(folder).entry_points:
             if entry.group.startswith(_PREFIX):
-                found.setdefault(entry.group, []).append(entry)
-    return {group: tuple(entries) for group, entries in found.items()}
+                declared.setdefault(entry.group, []).append(entry)
+    return {group: tuple(entries) for group, entries in declared.items()}
 
 
 def _distribution(folder: Path) -> str:

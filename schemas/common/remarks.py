@@ -64,6 +64,7 @@ def told_quietly(remarks: Iterable[str]) -> str:
     Args:
         remarks: of one file or several, as text.
     """
+    # Only breaches: a quiet run may keep to itself what is merely not executed.
     repairs = dict.fromkeys(remark for remark in remarks if BREACH.search(remark))
     first = next(iter(repairs), "")
     more = f" (and {len(repairs) - 1} more, see without --quiet)" if len(repairs) > 1 else ""
@@ -82,6 +83,7 @@ def with_ignored(remarks: Iterable[Remark]) -> Iterator[None]:
         yield
     except InvalidFile as error:
         reason = next((remark for remark in remarks if remark.cause), None)
+        # A nested reading has told it already.
         if reason is not None and reason.message not in error.message:
             error.message += (
                 f"; line {reason.line}: {reason.message}" if reason.line else f"; {reason.message}"

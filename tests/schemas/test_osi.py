@@ -64,6 +64,16 @@ def test_of_one_rule_no_more_is_reported_than_can_be_read(tmp_path: Path) -> Non
     assert len(found) == MOST + 1 and found[-1].level == "info"
 
 
+def test_a_fault_that_a_message_has_twice_counts_once(tmp_path: Path) -> None:
+    messages = truths(2)
+    for message in messages:
+        for _ in range(2):  # without ids, so that both have one text
+            message.moving_object.add().vehicle_attributes.number_wheels = 0
+    path = write(tmp_path / "trace.osi", [each.SerializeToString() for each in messages])
+    (found,) = [each for each in check(path) if "number_wheels" in each.message]
+    assert found.message.startswith("message 1 and 1 more: ")
+
+
 def test_a_damaged_trace_is_a_problem(tmp_path: Path) -> None:
     path = tmp_path / "trace.osi"
     path.write_bytes(b"\xff" * 9)

@@ -9,6 +9,7 @@ import pytest
 from lxml import etree
 
 from schemas import Problem
+from schemas.checks import LIMITS
 from schemas.checks.registry import all_rules
 from schemas.checks.report import FORMATS, summary
 
@@ -105,6 +106,12 @@ def test_sarif_is_version_2_1_0_with_rules_and_places():
         "region": {"startLine": 7},
     }
     assert place["logicalLocations"][0]["fullyQualifiedName"] == "/OpenSCENARIO/Init"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_beyond_the_limits_is_in_each_report(name):
+    problem = Problem(LIMITS, "error", "it takes longer than 3 s", "a.xodr")
+    assert "it takes longer than 3 s" in FORMATS[name]([(Path("a.xodr"), [problem])])
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -124,6 +124,8 @@ def test_scenarios_are_chosen_by_class_and_tags(folder: Path) -> None:
     [
         ([("greaterThan", "0")], "> 0"),
         ([("greaterOrEqual", "0"), ("lessThan", "5"), ("notEqualTo", "3")], "≥ 0 and < 5 and ≠ 3"),
+        ([("equalTo", "car")], "car"),
+        ([("equalTo", "car"), ("equalTo", "van")], "= car and = van"),
     ],
 )
 def test_limits_are_told_in_short(limits: list[tuple[str, str]], allowed: str) -> None:

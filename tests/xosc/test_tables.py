@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
+from decimal import Decimal
 from pathlib import Path
 
 import pyarrow as pa
@@ -182,3 +184,30 @@ def test_json_has_null_where_a_number_is_not_finite(tmp_path: Path, command: Com
     answer = command("xosc-list", tmp_path / "other.parquet", "--format", "json")
     assert "Infinity" not in answer.out
     assert json.loads(answer.out) == [{"name": "a", "state": "passed", "ttc": None, "x": 1.5}]
+
+
+def test_columns_of_other_programs_are_asked_as_texts_and_numbers(
+    tmp_path: Path, command: Command
+) -> None:
+    table = pa.table(
+        {
+            "name": pa.array(["a", "b"], pa.large_string()),
+            "kind": pa.array(["car", "van"]).dictionary_encode(),
+            "tags": pa.array([["one", "two"], []], pa.large_list(pa.string())),
+            "price": pa.array([Decimal("1.5"), Decimal("2.5")]),
+            "made": pa.array([datetime(2020, 1, 2), datetime(2021, 1, 2)]),
+            "seal": pa.array([b"\xff", b"b"]),
+            "place": pa.array([{"x": 1}, {"x": 2}]),
+        }
+    )
+    pq.write_table(table, tmp_path / "other.parquet")
+    for where in (
+        "name = 'a'", "kind in ('car')", "tags = 'one; two'", "price < 2", "made like '2020-01-02%'",
+        "place like '%1%'", "seal like '%xff%'",
+    ):  # fmt: skip
+        answer = command(
+            "xosc-list", tmp_path / "other.parquet", "--where", where, "--format", "json"
+        )
+        assert [row["name"] for row in json.loads(answer.out)] == ["a"], where
+    answer = command("xosc-list", tmp_path / "other.parquet", "--where", "made > 5")
+    assert (answer.code, "made is a text, this is a number" in answer.err) == (2, True)

@@ -62,6 +62,17 @@ def test_a_table_of_pyproject_is_a_settings_file(project: Path, command: Command
     assert shown[0].split() == ["sut", "none", "pyproject.toml:4"]
 
 
+def test_a_settings_file_that_is_no_table_or_too_large_is_refused(
+    project: Path, command: Command
+) -> None:
+    (project / "pyproject.toml").write_text("[tool]\nxosc = 3  # tool.xosc\n")
+    answer = command("xosc", "config")
+    assert (answer.code, answer.err.count("\n")) == (3, 1)
+    assert "tool.xosc: a table [tool.xosc] is expected" in answer.err
+    (project / "xosc.toml").write_text('sut = "none"\n#' + "x" * (1 << 20))
+    assert "at most 1048576 bytes are read" in command("xosc", "config").err
+
+
 def test_a_project_without_settings_has_the_defaults(project: Path) -> None:
     (project / "pyproject.toml").write_text('[project]\nname = "x"  # has no tool.xosc\n')
     assert RunSettings.of_project() == RunSettings()

@@ -129,6 +129,7 @@ class Listing:
         Raises:
             UsageError: no scenario has the class or one of the tags.
         """
+        # A class is a tag like others, so its misspelling gets the same hint.
         required = list(tags) + ([Tag(CLASS, label)] if label else [])
         for tag in required:
             if not any(scenario.has(tag) for scenario in self.scenarios):
@@ -180,6 +181,7 @@ def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None 
 
     def add_variations(document: Document) -> None:
         space = ParameterSpace(document.path)
+        # By its real path: two variation files may spell the way to it differently.
         scenario = scenarios.get(_key(space.scenario)) or _listed(load(space.scenario))
         scenarios[_key(space.scenario)] = scenario
         scenario.variations.append(Variation(document.path, space.size))
@@ -187,6 +189,7 @@ def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None 
     for path in expand(paths):
         if path.suffix.lower() != ".xodr":
             _attempt(partial(add, path), tell)
+    # After all scenarios: the one of a variation file may come later in the folder.
     for document in variations:
         _attempt(partial(limited()(add_variations), document), tell)
     return Listing(list(scenarios.values()), catalogues)
@@ -196,6 +199,7 @@ def _attempt(work: Callable[[], None], tell: Callable[[ToolchainError], None] | 
     try:
         work()
     except ToolchainError as error:
+        # As a function the first error is raised; the command names each and lists the others.
         if tell is None:
             raise
         tell(error)
@@ -226,6 +230,7 @@ def _road(file: Node | None, declared: list[Node]) -> str:
         path = ParameterScope(declared).literal(file.get("filepath"))
     except ExpressionError as error:
         raise file.invalid(f"filepath: {error.message}") from None
+    # Files written on Windows have backslashes.
     return PurePosixPath(path.replace("\\", "/")).stem
 
 
@@ -248,6 +253,7 @@ def _catalogue(document: Document) -> ListedCatalogue:
     return ListedCatalogue(
         document.path,
         catalog.get("name", ""),
+        # By the XSD entries may be of several kinds; catalogues of one kind are the rule.
         entries[0].tag if entries else "",
         tuple(entry.get("name", "") for entry in entries),
     )
@@ -257,7 +263,7 @@ def _allowed(group: tuple[tuple[str, str], ...]) -> str:
     rules = dict(group)
     if rules.keys() == {"greaterOrEqual", "lessOrEqual"} and len(group) == 2:
         return f"[{rules['greaterOrEqual']}, {rules['lessOrEqual']}]"
-    if rules.keys() == {"equalTo"}:
+    if rules.keys() == {"equalTo"} and len(group) == 1:
         return rules["equalTo"]
     return " and ".join(f"{_SIGNS.get(rule, rule)} {value}" for rule, value in group)
 
@@ -377,6 +383,7 @@ def of_rows(
         # JSON has neither infinity nor NaN, which tables of other programs may hold.
         finite = [{name: _finite(value) for name, value in row.items()} for row in rows]
         return json.dumps(finite, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    # Without rows no column but the shown ones is known; the header stays.
     names = list(rows[0]) if rows else list(shown)
     if format == "csv":
         return csv_text([names, *([row[name] for name in names] for row in rows)])
@@ -409,6 +416,7 @@ def _aligned(
     rows, details = (
         [[one_line(text) for text in texts] for texts in table] for table in (rows, details)
     )
+    # The last column is free text, and no column follows that it would have to line up with.
     widths = [max(map(len, column)) for column in list(zip(columns, *rows, strict=True))[:-1]]
     lines = []
     for row, more in zip([columns, *rows], [[], *details], strict=True):

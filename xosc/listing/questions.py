@@ -95,16 +95,17 @@ class _ConditionParser:
         self._schema, self._next, self._depth = schema, 0, 0
         self._columns: dict[str, None] = {}
         self._texts: list[tuple[str, str]] = []
+        # Before it is read: a condition may come from a service.
         if len(text) > _LONGEST:
             raise UsageError(f"a condition has at most {_LONGEST} characters, not {len(text)}")
         self._tokens = list(self._read(text))
 
     def parsed(self) -> Question:
         """Return the condition."""
-        found = self._any()
+        whole = self._any()
         if self._here.kind != "end":
             raise self._wrong(self._here, "'and', 'or' or the end is expected")
-        return Question(found, list(self._columns), self._texts)
+        return Question(whole, list(self._columns), self._texts)
 
     def _read(self, text: str) -> list[_Token]:
         tokens, at = list[_Token](), 0
@@ -149,6 +150,7 @@ class _ConditionParser:
         return UsageError(f"condition, position {token.at} ({token.text}): {why}")
 
     def _any(self) -> Any:
+        # `and` binds before `or`, `not` before both, as in SQL.
         either = self._all()
         while self._take("word", "or"):
             either = either | self._all()
@@ -161,6 +163,7 @@ class _ConditionParser:
         return both
 
     def _negated(self) -> Any:
+        # A loop, since a recursion would be as deep as there are words `not`.
         inverted = False
         while self._take("word", "not"):
             inverted = not inverted
@@ -170,12 +173,14 @@ class _ConditionParser:
     def _one(self) -> Any:
         if bracket := self._take("sign", "("):
             self._depth += 1
+            # Each bracket is a recursion of four functions: Python's own limit would end in a
+            # traceback.
             if self._depth > _DEEPEST:
                 raise self._wrong(bracket, f"more than {_DEEPEST} brackets in each other")
-            found = self._any()
+            inside = self._any()
             self._need("sign", ")")
             self._depth -= 1
-            return found
+            return inside
         return self._comparison(self._operand())
 
     def _comparison(self, left: _Operand) -> Any:
@@ -187,6 +192,8 @@ class _ConditionParser:
             return ~left.expression.is_null() if inverted else left.expression.is_null()
         inverted, at = self._take("word", "not"), self._here
         if self._take("word", "between"):
+            # The `and` of `between` belongs to it: it is taken here, before one that joins
+            # conditions.
             low = self._compared(left, at._replace(text=">="), self._operand())
             self._need("word", "and")
             comparison = low & self._compared(left, at._replace(text="<="), self._operand())
@@ -198,11 +205,13 @@ class _ConditionParser:
             return left.expression
         else:
             raise self._wrong(at, f"a comparison is expected: {_COMPARISONS}")
+        # Of absent values `not` gives an absent truth, which no row passes: as in SQL.
         return ~comparison if inverted else comparison
 
     def _listed(self, left: _Operand) -> Any:
         self._need("sign", "(")
         equals = _Token("sign", "=", self._here.at)
+        # Comparisons, not `is_in`: types and the hint on unknown texts are the same as of `=`.
         any_of = self._compared(left, equals, self._operand())
         while self._take("sign", ","):
             any_of = any_of | self._compared(left, equals, self._operand())
@@ -227,6 +236,7 @@ class _ConditionParser:
             )
         if left.type == "truth" and sign.text in _ORDERED:
             raise self._wrong(sign, f"{left.token.text} is true or false and has no order")
+        # Kept for the hint alone, which is told where no row is left.
         if sign.text in ("=", "==") and (left.token.kind, right.token.kind) == ("name", "text"):
             self._texts.append((left.token.text, _unquoted(right.token.text)))
         return _SIGNS[sign.text](left.expression, right.expression)
@@ -235,6 +245,7 @@ class _ConditionParser:
         import pyarrow.compute as pc
 
         token = self._here
+        # Not beyond the end, which messages still need as a place.
         self._next += token.kind != "end"
         if token.kind == "number":
             return _Operand(pc.scalar(_number(token.text)), "number", token)
@@ -256,6 +267,7 @@ class _ConditionParser:
 def _number(text: str) -> float:
     """A number, in m/s where it is followed by a unit of speed."""
     unit = next((name for name in _SPEEDS if text.endswith(name)), "")
+    # Columns have SI units; a number without a unit is taken as it is.
     return float(text.removesuffix(unit)) * _SPEEDS.get(unit, 1.0)
 
 
@@ -290,6 +302,7 @@ def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
                 f"--sort: there is no column {column!r}; {column_hint(column, table.column_names)}"
             )
         keys.append((column, "descending" if name.startswith("-") else "ascending"))
+    # Rows of equal values in one order, whatever order threads have read them in.
     last = [(name, "ascending") for name in (BATCH, "file", "name") if name in table.column_names]
     return table.sort_by([*keys, *last]) if keys or last else table
 
@@ -333,6 +346,7 @@ def _features(rows: Sequence[dict[str, Any]]) -> np.ndarray:
     ]
     for name in _ALIKE:
         values = [row.get(name) for row in rows]
+        # Two unlike names differ by the greatest distance or a multiple of it, which is cut to it.
         codes = {
             value: _LACKING * code
             for code, value in enumerate(sorted({str(value) for value in values}))
@@ -365,6 +379,7 @@ def distinct(table: pa.Table) -> pa.Table:
     import pyarrow as pa
 
     files, features = table["file"].to_pylist(), _features(table.to_pylist())
+    # From the first row on: an order by the user decides which of alike rows stands for the others.
     left, named = np.arange(table.num_rows), dict[int, list[str]]()
     while len(left):
         near = _distances(features[left], features[left[0]]) <= NEAR
@@ -400,14 +415,17 @@ def similar(index: Index, file: Path) -> pa.Table:
 
 def _tagged(file: Path) -> dict[str, Any]:
     """Features of a scenario by its tags."""
+    # For its error alone: tags of a file that is no scenario would only seem absent.
     load(file)
-    found = {re.sub(r"(?<!^)(?=[A-Z])", "_", tag.type).lower(): tag.value for tag in tags_of(file)}
-    one: dict[str, Any] = {name: found[name] for name in _ALIKE if isinstance(found.get(name), str)}
+    # Tags are `EgoSpeed`, columns `ego_speed`.
+    tags = {re.sub(r"(?<!^)(?=[A-Z])", "_", tag.type).lower(): tag.value for tag in tags_of(file)}
+    one: dict[str, Any] = {name: tags[name] for name in _ALIKE if isinstance(tags.get(name), str)}
     for name in SCALES:
         try:
-            one[name] = float(str(found[name]))
+            one[name] = float(str(tags[name]))
         except (KeyError, ValueError):
             continue
+    # Classes alone make everything of one class equally near.
     if not one.keys() & SCALES.keys():
         raise InvalidFile(f"no tag has a feature to compare: {', '.join(SCALES)}", path=file)
     return one

@@ -101,6 +101,7 @@ def findings(place: str | os.PathLike[str]) -> ds.Dataset | None:
         InvalidFile: they are not readable.
     """
     local = not is_url(place)
+    # The small file tells it from other folders without opening the partitions.
     if local and not (Path(place) / FINDINGS_FILE).is_file():
         return None
     store = FileSystemPath.of(str(place))
@@ -113,6 +114,7 @@ def table_of(path: str | os.PathLike[str]) -> Path | None:
     """Return the table of a folder, or a table itself; None for anything else. A run's is that of
     its batch."""
     folder = Path(path)
+    # Of what may be at a URL only findings are read: they alone are written there.
     if is_url(path) or (folder / FINDINGS_FILE).is_file():
         return folder / FINDINGS
     if folder.suffix == ".parquet" and folder.is_file():
@@ -120,6 +122,7 @@ def table_of(path: str | os.PathLike[str]) -> Path | None:
     for name in _SHOWN:
         if (folder / name).is_file():
             return folder / name
+    # A run's folder has its result, and its row is in the table beside the folders.
     if (folder / _RESULT).is_file() and (folder / ".." / RUNS).is_file():
         return Path(os.path.normpath(folder / ".." / RUNS))
     return None
@@ -143,11 +146,11 @@ def read_index(
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    found = findings(path)
-    if found is not None:
-        wanted = condition(found.schema)
-        rows = _readable(lambda: found.to_table(filter=wanted), path)
-        return Index(Path(path), rows, FINDINGS, found if wanted is not None else None)
+    stored = findings(path)
+    if stored is not None:
+        wanted = condition(stored.schema)
+        rows = _readable(lambda: stored.to_table(filter=wanted), path)
+        return Index(Path(path), rows, FINDINGS, stored if wanted is not None else None)
     file = table_of(path) if not is_url(path) else None
     if file is None:
         told = (
@@ -157,6 +160,7 @@ def read_index(
         raise UsageError(told, path=path)
     table = _readable(lambda: read_parquet(file), file)
     names = table.column_names
+    # Everything that is done with a catalogue's rows needs to find the scenarios.
     if file.name == INDEX and (
         "file" not in names or not pa.types.is_string(table.schema.field("file").type)
     ):
@@ -174,10 +178,12 @@ def _described(table: pa.Table, batch: Path) -> pa.Table:
     """Runs with the system of their batch, and the classes that `xosc-recognize label` gave."""
     import pyarrow as pa
 
+    # Facts of the batch as a whole, not of its rows: damaged or absent files leave the column out.
     system = _json(batch / _BATCH).get("sut")
     if isinstance(system, str) and "sut" not in table.column_names:
         table = table.append_column("sut", pa.array([system] * table.num_rows, pa.string()))
     runs = _json(batch / _LABELS).get("runs")
+    # A table that has the column already keeps its own.
     if isinstance(runs, dict) and {"name"} <= set(table.column_names) - {"class"}:
         classes = [
             "; ".join(dict.fromkeys(str(row.get("class")) for row in runs.get(name, ()))) or None
@@ -190,10 +196,10 @@ def _described(table: pa.Table, batch: Path) -> pa.Table:
 def _json(path: Path) -> dict[str, Any]:
     """A JSON object in a file; an empty one where there is none."""
     try:
-        found = json.loads(read_bytes(path))
+        content = json.loads(read_bytes(path))
     except (ToolchainError, OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def _readable(read: Callable[[], pa.Table], path: str | os.PathLike[str]) -> pa.Table:
@@ -223,9 +229,9 @@ def read_all(
 
     if len(paths) == 1:
         return read_index(paths[0], condition)
-    found = [read_index(path) for path in paths]
-    first, *_ = found
-    for path, part in zip(paths, found, strict=True):
+    parts = [read_index(path) for path in paths]
+    first, *_ = parts
+    for path, part in zip(paths, parts, strict=True):
         if part.name != first.name:
             told = (
                 f"these are {part.noun}s, and those of {paths[0]} are {first.noun}s: ask one kind"
@@ -233,7 +239,7 @@ def read_all(
             raise UsageError(told, path=path)
     tables = [
         part.table.add_column(0, BATCH, pa.array([path] * part.table.num_rows, pa.string()))
-        for path, part in zip(paths, found, strict=True)
+        for path, part in zip(paths, parts, strict=True)
     ]
     return first._replace(table=pa.concat_tables(_alike(tables), promote_options="default"))
 
@@ -245,12 +251,13 @@ def _alike(tables: Sequence[pa.Table]) -> list[pa.Table]:
     types: dict[str, set[pa.DataType]] = {}
     for table in tables:
         for field in table.schema:
+            # A column of absent values fits any type: it may not turn numbers of others into texts.
             if not pa.types.is_null(field.type):
                 types.setdefault(field.name, set()).add(field.type)
     common = {
-        name: pa.float64() if all(map(_is_number, found)) else pa.string()
-        for name, found in types.items()
-        if len(found) > 1
+        name: pa.float64() if all(map(_is_number, kinds)) else pa.string()
+        for name, kinds in types.items()
+        if len(kinds) > 1
     }
     return [
         table.cast(
@@ -280,16 +287,34 @@ def _flat(table: pa.Table) -> pa.Table:
                 column = key if name == "parameters" else f"{name}_{key}"
                 taken = column in table.column_names
                 columns[f"{name}_{column}" if taken else column] = pa.array(values)
-        elif pa.types.is_list(kind):
+        elif pa.types.is_list(kind) or pa.types.is_large_list(kind):
             texts = ["; ".join(map(str, cell or ())) for cell in table[name].to_pylist()]
             columns[name] = pa.array(texts, pa.string())
         else:
-            columns[name] = table[name]
+            columns[name] = _plain(table[name])
     return pa.table(columns)
+
+
+def _plain(column: pa.ChunkedArray) -> pa.ChunkedArray | pa.Array:
+    """A column of truths, numbers or texts, which questions compare: other programs write large
+    and coded texts, decimals, times."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_boolean(kind) or pa.types.is_null(kind) or _is_number(kind):
+        return column
+    if pa.types.is_decimal(kind):
+        return column.cast(pa.float64())
+    try:
+        return column.cast(pa.string())
+    except pa.ArrowException:  # bytes that are no text, and values of several parts
+        texts = [None if value is None else str(value) for value in column.to_pylist()]
+        return pa.array(texts, pa.string())
 
 
 def _by_name(maps: Iterable[Sequence[tuple[str, Any]] | None]) -> dict[str, list[Any]]:
     """Values of maps by name, as numbers where all are; None where a map lacks one."""
+    # Batches of other scenarios have other parameters: a row without one has None.
     rows = [dict(cell or ()) for cell in maps]
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: _numbers([row.get(name) for row in rows]) for name in names}
@@ -328,6 +353,7 @@ def chosen(names: Sequence[str], table: pa.Table) -> list[str]:
                 f"--columns: there is no column {name!r}; {column_hint(name, table.column_names)}"
             )
             raise UsageError(told)
+    # Once each: a table may not have two columns of one name.
     return list(dict.fromkeys(columns))
 
 
@@ -350,6 +376,7 @@ def copy_scenarios(scenarios: Iterable[Listed], folder: Folder) -> int:
     files = dict.fromkeys(
         Path(os.path.abspath(path)) for scenario in scenarios for path in _needed(scenario)
     )
+    # The common folder, so that `../roads/a.xodr` of a scenario leads to the copy.
     root = os.path.commonpath([path.parent for path in files])
     for path in files:
         folder.write(path.relative_to(root).as_posix(), read_bytes(path))
@@ -368,6 +395,8 @@ def _needed(listed: Listed) -> Iterator[Path]:
     for location in locations.children() if locations is not None else ():
         directory = location.need("Directory")
         try:
+            # All files of a catalogue location: which of them an entry is in is only known once all
+            # are read.
             yield from map(Path, locate(directory.file("path"), listed.path).files)
         except (OSError, ValueError) as error:
             raise directory.invalid(f"this catalogue can't be read: {error}") from None
@@ -388,12 +417,16 @@ def copy_rows(index: Index, table: pa.Table, folder: Folder) -> int:
 
     rows = table.to_pylist()
     chosen = {row["file"] for row in rows}
+    # It has what the table has not, as origins and remarks; only that of the copied rows goes
+    # along.
     about = read_object(index.root / "index.json")
     scenarios = [
         row
         for row in about.get("scenarios", [])
         if isinstance(row, dict) and row.get("file") in chosen
     ]
+    # Without columns of the question, as `distance` and `duplicates`: they would be stale in the
+    # copy.
     held = table.select([name for name in table.column_names if name in index.table.column_names])
     written = pa.BufferOutputStream()
     pq.write_table(held, written, compression="zstd")
@@ -432,6 +465,7 @@ def _inside(root: Path, name: str) -> Path:
         InvalidFile: it leads out of the catalogue.
     """
     path = root / name
+    # Links too: an index comes from elsewhere, and a copy may not carry off other files.
     if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root)):
         raise InvalidFile(f"{name} is outside of the catalogue", path=root)
     return path

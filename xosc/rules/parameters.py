@@ -25,6 +25,8 @@ def declared_name_is_a_name(document: CheckedDocument) -> Iterator[Finding]:
         "ParameterDeclaration", "VariableDeclaration", "MonitorDeclaration"
     ):
         name = element.get("name") or ""
+        # Files of 1.0 write `$name` where a parameter is used; in the declaration it would be part
+        # of the name.
         if "$" in name:
             yield Finding(element, f"the declared name {name!r} must be written without '$'")
 
@@ -55,6 +57,8 @@ def declarations_are_unique(document: CheckedDocument) -> Iterator[Finding]:
 def definitions_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     """The default value of a parameter must not depend on the parameter itself, directly or through
     others."""
+    # By declaration, not by name: an inner parameter may take its value from an outer one of its
+    # name.
     uses = {
         declaration: _parameters_in(document, declaration)
         for declaration in document.elements("ParameterDeclaration")
@@ -127,6 +131,7 @@ def _undeclared(document: CheckedDocument) -> Iterator[Finding]:
     """A finding for each parameter that an attribute uses and no declaration in scope declares."""
     for element, attribute, name in _used(document):
         if document.declaration(element, name) is None:
+            # Of any scope: a name that is declared elsewhere is the likeliest slip.
             known = document.names("ParameterDeclaration")
             yield Finding(
                 element,
@@ -144,6 +149,7 @@ def _used(document: CheckedDocument) -> Iterator[tuple[etree._Element, str, str]
             names = references(text)
         except ExpressionError:
             continue
+        # In a fixed order, for the same report each time.
         yield from ((element, attribute, name) for name in sorted(names))
 
 
@@ -201,6 +207,7 @@ def distributed_parameter_is_declared(document: CheckedDocument) -> Iterator[Fin
     scenario = scenario_of(document)
     if scenario is None:
         return
+    # Of the whole scenario alone: a distribution can't reach what a maneuver or an entry declares.
     declared = {
         element.get("name") or ""
         for element in scenario.iterfind("ParameterDeclarations/ParameterDeclaration")
@@ -214,6 +221,7 @@ def distributed_parameter_is_declared(document: CheckedDocument) -> Iterator[Fin
 
 def scenario_of(document: CheckedDocument) -> etree._Element | None:
     """The root of the scenario that a distribution is for; None where it can't be read."""
+    # One alone by the XSD; without it, its own rules tell what is wrong.
     for element in document.elements("ScenarioFile"):
         name = document.value(element, "filepath")
         try:
@@ -245,6 +253,7 @@ def ranges_and_weights_are_well_formed(document: CheckedDocument) -> Iterator[Fi
             document.number(element, "lowerLimit"),
             document.number(element, "upperLimit"),
         )
+        # `not <=`, here and below, since NaN compares false with everything and is caught too.
         if lower is not None and upper is not None and not lower <= upper:
             yield Finding(
                 element, f"the lower limit {lower:g} is greater than the upper limit {upper:g}"

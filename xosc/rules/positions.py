@@ -15,6 +15,7 @@ _ROAD_POSITIONS = ("LanePosition", "RoadPosition", "RelativeLanePosition", "Rela
 @rule("asam.net:xosc:1.0.0:scenario_logic.invalid_elements_if_no_road_network", kinds=("scenario",))
 def road_position_has_a_road_network(document: CheckedDocument) -> Iterator[Finding]:
     """Positions in road or lane coordinates need a road network (LogicFile)."""
+    # One that can't be read is an error of its own, and its roads are not known.
     if document.elements("LogicFile"):
         return
     for element in document.elements(*_ROAD_POSITIONS):
@@ -51,6 +52,7 @@ def road_exists(document: CheckedDocument) -> Iterator[Finding]:
 
 ROAD_LENGTH_UID = "xosc.toolchain:xosc:1.0.0:positioning.position_is_on_the_road"
 
+# Lengths in files are often rounded to centimetres, and positions at the end with them.
 _TOLERANCE = 0.01
 
 
@@ -86,6 +88,7 @@ def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
         # Beyond the road there are no lanes; `position_is_on_the_road` says so.
         if road is None or lane is None or s is None or not 0 <= s <= road.length:
             continue
+        # Compared as text first: an id is one, and only expressions give it as a decimal number.
         lanes, number = (
             road.lanes(s, document.value(element, "layer")),
             document.number(element, "laneId"),
@@ -138,8 +141,11 @@ def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
     """A trajectory that is followed with a timing reference shall have a time at each vertex,
     control point and clothoid."""
     for action in document.elements("FollowTrajectoryAction"):
+        # Without Timing the actor keeps its own speed, and times of the trajectory have no meaning.
         if action.find("TimeReference/Timing") is None:
             continue
+        # Not those of a trajectory in a catalogue: the entry may be followed without times
+        # elsewhere.
         for part in action.iter(*_TIMES):
             missing = [name for name in _TIMES[local_name(part)] if part.get(name) is None]
             if missing:
@@ -148,6 +154,7 @@ def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
                     f"the {local_name(part)} has no {missing[0]}, which the "
                     "action's Timing asks for",
                 )
+                # One for each trajectory: it has either all times or none.
                 break
 
 

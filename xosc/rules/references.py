@@ -19,6 +19,7 @@ from schemas.common.xml import local_name
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))
 def entity_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A reference to an entity must name a ScenarioObject or an EntitySelection of the scenario."""
+    # Selections count as entities: members are checked by the same attribute in their EntityRef.
     entities = document.names("ScenarioObject", "EntitySelection")
     return unresolved(document, "entity", entities, "entityRef", "masterEntityRef", "trailerRef")
 
@@ -73,6 +74,7 @@ def _ambiguous(document: CheckedDocument, holder: str) -> Iterator[Finding]:
                     f"{local_name(element)} {name!r} has the name of another, references to it "
                     "are ambiguous",
                 )
+            # Undecidable names may differ: nothing is said of them.
             elif name is not None:
                 seen.add(name)
 
@@ -85,6 +87,7 @@ def selections_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     selections = {
         selection.get("name") or "": selection for selection in document.elements("EntitySelection")
     }
+    # Selections of one name are another rule's fault; the last one stands for them here.
     members = {
         name: [
             member
@@ -112,11 +115,13 @@ def entity_gets_a_position(document: CheckedDocument) -> Iterator[Finding]:
     does not declare.
     """
     if any(
+        # Also where a parameter without a value decides it.
         document.value(actors, "selectTriggeringEntities") not in ("false", "0")
         for actors in document.elements("Actors")
     ):
         return
     entities, placed = document.names("ScenarioObject"), set(_placed(document))
+    # A selection or an undeclared name may be any of the entities.
     if not placed <= entities:
         return
     for entity in document.elements("ScenarioObject"):
@@ -133,6 +138,7 @@ def _placed(document: CheckedDocument) -> Iterator[str | None]:
         if _places(document, private):
             yield document.value(private, "entityRef")
     for action in document.elements("EntityAction"):
+        # AddEntityAction has a position, whatever else places entities.
         if action.find("AddEntityAction") is not None:
             yield document.value(action, "entityRef")
     for group in document.elements("ManeuverGroup"):
@@ -141,18 +147,21 @@ def _placed(document: CheckedDocument) -> Iterator[str | None]:
                 document.value(actor, "entityRef") for actor in group.iterfind("Actors/EntityRef")
             )
     for trailer in document.elements(*_TRAILERS):
+        # A trailer is put behind its tractor. TrailerRef has entityRef, ConnectTrailerAction
+        # trailerRef.
         yield document.value(trailer, "trailerRef") or document.value(trailer, "entityRef")
 
 
 def _places(document: CheckedDocument, element: etree._Element) -> bool:
     """Whether an element, or a maneuver of a catalogue in it, has an action that puts an entity
-    somewhere."""
-    entries = [
-        document.resolvable_entry(reference)
-        for reference in element.iterchildren("CatalogReference")
-    ]
-    inside = [element, *(entry.element for entry in entries if entry is not None)]
-    return any(next(element.iter(*_PLACING), None) is not None for element in inside)
+    somewhere, or may have: a maneuver that is not at hand has any."""
+    inside = [element]
+    for reference in element.iterchildren("CatalogReference"):
+        entry = document.resolvable_entry(reference)
+        if entry is None:
+            return True
+        inside.append(entry.element)
+    return any(next(part.iter(*_PLACING), None) is not None for part in inside)
 
 
 ACTORS_UID = "asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_private_actions"
@@ -167,6 +176,7 @@ def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
         if (
             actors is None
             or actors.find("EntityRef") is not None
+            # Global actions need no actor.
             or group.find(".//PrivateAction") is None
         ):
             continue
@@ -182,6 +192,7 @@ def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
 def _is_triggered_by_entities(group: etree._Element) -> bool:
     """Whether a condition by entity is part of what starts a maneuver group's act or events."""
     act = group.getparent()
+    # Of the act as a whole: triggering entities of its start are those of all its groups.
     return act is None or act.find(".//StartTrigger//TriggeringEntities") is not None
 
 
@@ -222,6 +233,7 @@ def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding
         }
         for condition in triggering.iterfind("../EntityCondition/*"):
             name = document.value(condition, "entityRef")
+            # With others beside it the condition compares these with it, and can change.
             if name is not None and names == {name}:
                 yield Finding(condition, f"{name!r} is compared with itself, which never changes")
     for action in document.elements("LaneChangeAction"):
@@ -229,6 +241,7 @@ def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding
         if (
             target is not None
             and document.number(target, "value") == 0
+            # With an offset the action does something: it moves within the lane.
             and action.get("targetLaneOffset", "0") in ("0", "0.0")
         ):
             name = document.value(target, "entityRef")
@@ -240,6 +253,7 @@ def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding
 
 def _actors(document: CheckedDocument, action: etree._Element) -> set[str | None]:
     """Names of the entities that a private action is for."""
+    # The nearest of the two: actions of Init have their actor in Private, others in the group.
     for above in action.iterancestors("Private", "ManeuverGroup"):
         return {
             document.value(actor, "entityRef")
@@ -258,6 +272,7 @@ SIGNAL_UID = "asam.net:xosc:1.0.0:reference_control.traffic_signal_state_referen
 def signal_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The signals of a TrafficSignalState and of a TrafficSignalCondition must exist in the road
     network."""
+    # One rule for both by ASAM, though the attributes differ.
     yield from _unknown_signals(document, "TrafficSignalState", "trafficSignalId")
     yield from _unknown_signals(document, "TrafficSignalCondition", "name")
 
@@ -273,6 +288,7 @@ def signal_of_action_exists(document: CheckedDocument) -> Iterator[Finding]:
 
 def _unknown_signals(document: CheckedDocument, tag: str, attribute: str) -> Iterator[Finding]:
     network = document.road_network
+    # Without a readable road network nothing is known of signals: its own rule tells that.
     for element in document.elements(tag) if network else ():
         name = document.value(element, attribute)
         if network and name is not None and name not in network.signals:
@@ -337,6 +353,7 @@ def phase_exists(document: CheckedDocument) -> Iterator[Finding]:
     }
     for element, _, controller in document.values("trafficSignalControllerRef"):
         phase = document.value(element, "phase")
+        # An unknown controller is told by the rule on its name.
         if controller in phases and phase is not None and phase not in phases[controller]:
             yield Finding(
                 element,
@@ -386,6 +403,7 @@ def catalog_entry_exists(document: CheckedDocument) -> Iterator[Finding]:
         except NoEntry as error:
             yield Finding(element, str(error), "warning" if error.undecided else None)
             continue
+        # A catalogue is found by the name of its file too, as other players do: a remark, no fault.
         if entry is not None and entry.catalog != document.value(element, "catalogName"):
             message = (
                 f"{Path(entry.path).name} has the entry, but its catalogue is called "
@@ -403,6 +421,7 @@ def assigned_parameter_is_declared(document: CheckedDocument) -> Iterator[Findin
         if entry is None:
             continue
         for assignment in reference.iter("ParameterAssignment"):
+            # Files of version 1.0 write the name with a `$`.
             name = (assignment.get("parameterRef") or "").removeprefix("$")
             if name not in entry.parameters:
                 yield Finding(
@@ -428,15 +447,14 @@ def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
     Models for graphics and animations are only warned about, since a run can do without them; so
     are absolute paths, which may exist on the machine that they are meant for.
     """
+    # The road and the scenario are needed to say anything; models of graphics are not.
     for tag, level in _LEVELS.items():
         for element in document.elements(tag):
             name = document.value(element, "filepath")
             if name and not _exists(document, tag, name):
                 # By both kinds of paths: files come from systems other than this one.
                 absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute()
-                place = "" if absolute else f" in {document.path.parent}"
-                alike = in_any_case(document.file(name))
-                spelt = f"; {alike} differs in upper and lower case" if alike else ""
+                # Before any look at the disk: not even the names in such folders may be told.
                 if not current().allows(document.file(name)):
                     yield Finding(
                         element,
@@ -444,13 +462,24 @@ def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
                         "error",
                     )
                     continue
-                if not alike and (meant := similar_file(document.file(name))):
-                    spelt = f"; {meant.strip()}"
+                place = "" if absolute else f" in {document.path.parent}"
                 yield Finding(
                     element,
-                    f"{tag}: there is no file {name!r}{place}{spelt}",
+                    f"{tag}: there is no file {name!r}{place}{_instead(document.file(name))}",
                     "warning" if absolute else level,
                 )
+
+
+def _instead(path: Path) -> str:
+    """End of the message for a missing file: what the path is, or which file may be meant."""
+    alike = in_any_case(path)
+    # It finds folders too, and of a folder the path itself.
+    if alike is not None and alike.is_dir():
+        return ": this is a folder"
+    if alike is not None:
+        return f"; {alike} differs in upper and lower case"
+    meant = similar_file(path)
+    return f"; {meant.strip()}" if meant else ""
 
 
 def _exists(document: CheckedDocument, tag: str, name: str) -> bool:

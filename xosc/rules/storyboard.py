@@ -14,6 +14,7 @@ from xosc.rules.values import satisfies
 
 EMPTY_ELEMENTS_UID = "xosc.toolchain:xosc:1.0.0:storyboard.elements_are_not_empty"
 
+# Children of which one must be there, by element; attributes and triggers alone do nothing.
 _PARTS = {
     "Story": ("Act",),
     "Act": ("ManeuverGroup",),
@@ -78,6 +79,7 @@ _WATCHED_TAGS = set(_WATCHED.values())
 def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A storyboardElementRef must name exactly one element of the given type, enclosing ones before
     it (`act::event`)."""
+    # By the whole chain of names: equal names are allowed in different parents.
     known: dict[str, list[tuple[str, ...]]] = {tag: [] for tag in _WATCHED_TAGS}
     for storyboard in document.elements("Storyboard"):
         for tag, chain in _walk(document, document, storyboard, ()):
@@ -85,6 +87,7 @@ def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
     for element, attribute, reference in document.values("storyboardElementRef"):
         kind = document.value(element, "storyboardElementType") or ""
         chains = known.get(_WATCHED.get(kind, ""))
+        # No type of the standard: the XSD says so.
         if chains is None:
             continue
         parts = tuple(reference.split("::"))
@@ -131,6 +134,7 @@ def _named(
     element: etree._Element,
     chain: tuple[str, ...],
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
+    # By the parameters of the file that the element is in: those of a catalogue are its own.
     own = (*chain, source.value(element, "name") or "")
     yield local_name(element), own
     yield from _walk(document, source, element, own)
@@ -170,6 +174,8 @@ def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
                 yield Finding(
                     element,
                     f"never fires: {reason}",
+                    # A parameter that turns a variant of the scenario on is off by default, and no
+                    # fault.
                     "info" if local_name(element) == "ParameterCondition" else None,
                 )
 
@@ -201,9 +207,11 @@ def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool,
     # It has no attribute `rule`: it holds from its value on.
     if local_name(element) == "TraveledDistanceCondition":
         rule_name = "greaterOrEqual"
+    # A limit that is not known decides nothing.
     if value is None:
         return None
     what = _MAGNITUDES[local_name(element)]
+    # None of these magnitudes is below 0; at 0 itself a touching or starting run may be.
     if (rule_name == "lessThan" and value <= 0) or (
         rule_name in ("lessOrEqual", "equalTo") and value < 0
     ):
@@ -226,6 +234,7 @@ def _parameter_condition(
     changed = {
         (document.value(action, "parameterRef") or "").removeprefix("$") for action in actions
     }
+    # Changed by any action, whenever it runs: the value is no constant any more.
     if declaration is None or name in changed:
         return None
     rule_name, limit, value = (
@@ -237,6 +246,7 @@ def _parameter_condition(
         return None
     try:
         truth = satisfies(document, declaration, value, rule_name, limit)
+    # A wrong type or operator is the business of the rules on values.
     except ValueError:
         return None
     return truth, f"the parameter {name} is {value!r} by default and no action changes it"

@@ -63,6 +63,7 @@ def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding
             document.value(declaration, "name"): declaration
             for declaration in document.elements(f"{family}Declaration")
         }
+        # Of the whole scenario: conditions and actions reach no other declarations.
         for element, holder in _uses(document, family):
             name, text = (
                 (document.value(holder, attribute) or "").removeprefix("$"),
@@ -88,12 +89,14 @@ def _uses(
         yield condition, condition
     for action in document.elements("SetAction"):
         holder = action.getparent()
+        # SetAction is a child of ParameterAction and of VariableAction alike.
         if holder is not None and local_name(holder) == f"{family}Action":
             yield action, holder
 
 
 def _distributed(document: CheckedDocument) -> Iterator[Finding]:
     """Values that a distribution lists for parameters of its scenario."""
+    # The types are in another file: without it nothing is known of the values.
     scenario = scenario_of(document) if document.type.kind == "distribution" else None
     declared = (
         scenario.iterfind("ParameterDeclarations/ParameterDeclaration")
@@ -124,6 +127,7 @@ def default_obeys_constraints(document: CheckedDocument) -> Iterator[Finding]:
     for declaration in document.elements("ParameterDeclaration"):
         groups = declaration.findall("ConstraintGroup")
         value = document.value(declaration, "value")
+        # Groups are alternatives; the constraints within one hold together.
         if not groups or value is None or not _is_typed(document, declaration, value):
             continue
         name = declaration.get("name")
@@ -132,6 +136,7 @@ def default_obeys_constraints(document: CheckedDocument) -> Iterator[Finding]:
         except ValueError as error:
             yield Finding(declaration, f"{name}: the constraint has no meaning: {error}")
             continue
+        # Each group without a broken constraint is None here, and one of them is enough.
         if all(broken):
             reasons = " or ".join(filter(None, broken))
             yield Finding(declaration, f"{name}: the default value {value!r} is not {reasons}")
@@ -190,6 +195,7 @@ def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Find
         if not is_expression(text):
             continue
         try:
+            # Parsed, not evaluated: whether it has a value is the next rule's question.
             called = functions(text)
         except ExpressionError as error:
             yield Finding(element, f"{attribute}: {error.message}")
@@ -223,6 +229,8 @@ def expression_has_a_value(document: CheckedDocument) -> Iterator[Finding]:
     """
     for element, attribute, text in document.parametrised():
         try:
+            # A plain `$name` is no expression: that its parameter exists is another rule's
+            # business.
             usable = is_expression(text) and all(
                 _has_value(document, element, name) for name in references(text)
             )

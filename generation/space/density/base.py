@@ -38,6 +38,7 @@ class Components:
         from scipy.special import logsumexp
 
         n, (count, d) = len(z), self.means.shape
+        # Of no columns, as where all are pinned: the density of nothing is 1.
         if not d:
             return np.zeros(n)
         # Ceiling division: the matrix of rows by components is bounded, whatever both are.
@@ -70,6 +71,7 @@ class Components:
         chosen = generator.choice(len(self.means), size=n, p=np.exp(self.log_weights))
         factors = np.linalg.cholesky(self.covariances)
         noise = generator.standard_normal((n, self.means.shape[1], 1))
+        # One covariance for all components is stored once.
         moved = factors[chosen if len(factors) > 1 else np.zeros(n, np.int64)] @ noise
         return self.means[chosen] + moved[..., 0]
 
@@ -202,6 +204,7 @@ class Whitening:
             # Of correlations, so that the test below does not depend on the parameters' units.
             factor = np.linalg.cholesky(covariance / np.outer(spread, spread))
         except np.linalg.LinAlgError:
+            # Not positive definite: as dependent as can be, and refused by the test below.
             factor = np.zeros_like(covariance)
         if np.square(np.diag(factor)).min() < _INDEPENDENT:
             raise UsageError(
@@ -249,6 +252,7 @@ def samples(theta: ArrayLike) -> FloatArray:
         raise UsageError(
             f"sample {np.flatnonzero(~np.isfinite(rows).all(axis=1))[0] + 1} is not finite"
         )
+    # Fewer span no volume: their covariance has no inverse.
     if len(rows) <= rows.shape[1] + 1:
         raise UsageError(
             f"{len(rows)} samples are too few for a density of {rows.shape[1]} parameters"

@@ -171,11 +171,13 @@ class Choices:
     @property
     def _edges(self) -> FloatArray:
         """Limits of the cells (k + 1,)."""
+        # Half cells at both ends: nothing beyond the least and the greatest choice is searched.
         points = np.array(self.choices)
         return np.array([points[0], *(0.5 * (points[1:] + points[:-1])), points[-1]])
 
     def _cells(self, values: FloatArray) -> IntArray:
         """Index of the choice nearest to each value (n,)."""
+        # Without the outer limits: each value belongs to a cell, those at the limits too.
         return np.searchsorted(self._edges[1:-1], values)
 
     def log_density(self, values: FloatArray) -> FloatArray:
@@ -254,6 +256,7 @@ def _histogram(of: Histogram, _name: str) -> Marginal | str:
         # A probability without width has no density beside those of other bins.
         if low == high and weight > 0.0:
             raise UsageError("a bin of this Histogram holds a single value: pin its parameter")
+        # Overlapping bins would count twice in some readings and once in others.
         if low < edges[-1]:
             raise UsageError("bins of this Histogram overlap: pin its parameter")
         # A gap between bins is a piece without weight.
@@ -268,6 +271,7 @@ def _histogram(of: Histogram, _name: str) -> Marginal | str:
 def _normal(of: NormalDistribution, _name: str) -> Marginal | str:
     from scipy import stats
 
+    # A density without width: the parameter has one value.
     if not of.variance:
         return repr(of.expected_value)
     if of.range is not None and of.range.lower_limit == of.range.upper_limit:
@@ -296,6 +300,7 @@ def _poisson(of: PoissonDistribution, _name: str) -> Marginal | str:
     low, high = known.ppf([_TAIL, 1 - _TAIL])
     if of.range is not None:
         low, high = np.ceil(of.range.lower_limit), np.floor(of.range.upper_limit)
+    # Counts are not negative, whatever the Range says.
     low = max(low, 0.0)
     if high - low >= _MOST_CHOICES:
         raise UsageError(
@@ -335,6 +340,7 @@ def categories(texts: Sequence[Mapping[str, str]], weights: Sequence[float]) -> 
     total: dict[tuple[tuple[str, str], ...], float] = {}
     for assigned, weight in zip(texts, weights, strict=True):
         if weight > 0.0:
+            # Sorted: files name the parameters of a set in any order.
             key = tuple(sorted(assigned.items()))
             total[key] = total.get(key, 0.0) + weight
     if len(total) < 2:
@@ -356,9 +362,11 @@ def _chosen(
         # Equal numbers written differently (1, 1.0) are one choice.
         total[number] = total.get(number, 0.0) + weight
     kept = sorted(number for number, weight in total.items() if weight > 0.0)
+    # Never none: distributions refuse weights of which none is positive.
     if len(kept) < 2:
         return repr(kept[0])
     written = {number: {name: text} for number, text in zip(numbers, texts, strict=False)}
+    # Then numbers are written by the search itself; texts as `007` have to stay as they are.
     usual = all(literal(number) == text[name] for number, text in written.items())
     follows = {} if usual else {number: written[number] for number in kept}
     return Choices(tuple(kept), tuple(total[number] for number in kept), follows)
@@ -439,10 +447,9 @@ class DeclaredPrior(Prior):
 
     def _foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible and no less likely than 99 % of draws: (n,)."""
-        found: BoolArray = (
-            self.log_density(theta) >= self.limit - 1e-9
-        )  # all of a uniform density are alike but for rounding
-        return found
+        # All of a uniform density are alike but for rounding.
+        likely: BoolArray = self.log_density(theta) >= self.limit - 1e-9
+        return likely
 
     def chosen(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with each discrete parameter at the choice nearest to its value."""

@@ -444,8 +444,8 @@ class RecordedPrior(Prior):
     @cached_property
     def _standard(self) -> FloatArray:
         """Standardised logarithms of the searched parameters of all recorded units (m, k)."""
-        found: FloatArray = self._log_rows[:, : len(self.searched)] / self._spread
-        return found
+        standard: FloatArray = self._log_rows[:, : len(self.searched)] / self._spread
+        return standard
 
     @cached_property
     def farthest(self) -> float:
@@ -453,6 +453,8 @@ class RecordedPrior(Prior):
         of units keep within."""
         from scipy.spatial import KDTree
 
+        # By recordings, as `held_out`: units of one recording are nearer to each other than traffic
+        # is.
         distances = np.empty(len(self._standard))
         for rest, tested in folds(self._recordings):
             distances[tested] = KDTree(self._standard[rest]).query(self._standard[tested])[0]
@@ -523,6 +525,7 @@ class RecordedPrior(Prior):
             return theta
         standard, donors = self._donors
         columns, drawn = self.columns(self.nuisances), theta.copy()
+        # As a whole, from one unit: start and rest time depend on each other.
         nearest = cKDTree(standard).query(self._logs(theta) / self._spread)[1]
         drawn[:, columns] = donors[nearest][:, columns]
         return drawn
@@ -576,6 +579,7 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
                 0.0,
             )
         )
+        # Between both changes of speed; with one known there is no change of acceleration.
         if duration is not None and len(phases) == 2:
             amounts["jerk"] = np.where(
                 rest >= _BRIEF, np.abs(phases[1] - phases[0]) / (0.5 * (duration + rest)), 0.0
@@ -606,6 +610,7 @@ class LeastGap:
         if not {BEHIND, EGO_SPEED} <= names.keys():
             return None
         gap, speed = names[BEHIND], names[EGO_SPEED]
+        # A headway at standstill is infinite.
         moving = values[speed] > 0.0
         if not moving.any():
             return None
@@ -646,6 +651,7 @@ class Limits:
         """Whether each is within them (n,)."""
         amounts = quantities(values)
         n = len(next(iter(values.values()), np.zeros(0)))
+        # Of a space that lacks a role some quantities can't be said: these limit nothing.
         within = [amounts[name] <= most for name, most in self.most.items() if name in amounts]
         return np.all(within, axis=0) if within else np.ones(n, bool)
 
@@ -684,6 +690,7 @@ def by_actor(
             (shared if role == EGO_SPEED else actors.setdefault(actor, {}))[role] = (
                 values[name] / factor
             )
+    # Without an actor the ego's own speed is all there is.
     return {actor: of | shared for actor, of in actors.items()} or {"": shared}
 
 

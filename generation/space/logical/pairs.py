@@ -191,6 +191,7 @@ class PairScenario:
             maneuvers=[
                 (part.actor, self._maneuver(part))
                 for part in parts
+                # With a follower the one ahead needs its event, by whose end the scene ends.
                 if part.actor != self.without or follower
             ],
             parameters=self._parameters(),
@@ -264,6 +265,7 @@ class PairScenario:
 
     def _init(self, part: AdversaryPart) -> list[Any]:
         """Return initial actions that give the parameters' gaps once the first manoeuvre begins."""
+        # Gaps add up from the ego on, with a length between each two.
         gaps = [
             self._terms[nearer.actor]["gap"]
             for nearer in self.pair.parts[: self.pair.parts.index(part) + 1]
@@ -288,6 +290,7 @@ class PairScenario:
         actor, begin = part.actor, self._begin(part)
         start = [
             storyboard.started(f"${{{begin}}}"),
+            # Always true: the scene has the form of those with one adversary, which wait for a gap.
             storyboard.gap_reached(EGO, actor, f"${{{_EVER}}}"),
         ]
         lanes = part.change if actor != self.without else 0
@@ -316,6 +319,7 @@ class PairScenario:
         follower = self.follower
         others = [*(part.actor for part in parts), *([follower] if follower is not None else [])]
         collisions = [[maneuvers.collision(EGO, name)] for name in others]
+        # A bound by time as well: an actor that is held up never ends its event.
         return [*collisions, [done], [maneuvers.simulation_time(f"${{{whole} + {2 * _SETTLED}}}")]]
 
 
@@ -446,25 +450,25 @@ class AheadUnits(PairUnits):
     def values(self) -> dict[str, FloatArray]:
         """Values (n,) by parameter; both actors have those of the same pair."""
         second = self.second.actor
-        found = _acting(self.first.actor, self.units.first) | _acting(second, self.units.second)
-        found[declared_name(second, "gap")] = self.units.ahead
-        found[f"{second}_{BEGIN}"] = LEAD_IN + self.units.lag
-        found[f"{EGO}_Speed_mps"] = self.units.first.ego_speeds
-        return found
+        values = _acting(self.first.actor, self.units.first) | _acting(second, self.units.second)
+        values[declared_name(second, "gap")] = self.units.ahead
+        values[f"{second}_{BEGIN}"] = LEAD_IN + self.units.lag
+        values[f"{EGO}_Speed_mps"] = self.units.first.ego_speeds
+        return values
 
     @property
     def roles(self) -> dict[str, Role]:
         """Roles of the parameters; when the second one begins is no nuisance, but decides what
         happens."""
         first, second = self.first.actor, self.second.actor
-        found = {
+        roles = {
             declared_name(actor, role): Role(actor, role)
             for actor in (first, second)
             for role in ROLES
         }
-        found[declared_name(second, "gap")] = Role(second, AHEAD)
+        roles[declared_name(second, "gap")] = Role(second, AHEAD)
         return {
-            **found,
+            **roles,
             f"{second}_{BEGIN}": Role(second, BEGINS),
             f"{EGO}_Speed_mps": Role(first, EGO_SPEED),
         }
@@ -482,6 +486,8 @@ class AheadUnits(PairUnits):
             begin + values[declared_name(actor, "duration")]
             for actor, begin in zip((first, second), begins, strict=True)
         ]
+        # One clock for all rows, as long as the longest: rows that end before go on at their last
+        # speed.
         time = np.arange(0.0, float(np.max(ends, initial=0.0)) + _AFTER, _STEP)
         ways = [
             _way(actor, values, begin, time)
@@ -498,6 +504,7 @@ class AheadUnits(PairUnits):
         if not self.second.change:
             together = begins[0] + _CROSSED * (ends[0] - begins[0])
         kept = np.all((gap[:, None] + ways[1] - ways[0] > 0.0) | (time < together[:, None]), axis=1)
+        # A leader is in the ego's lane from the start, before the first one has cut in between.
         if self.second.lane == self.ego_lane:
             leading = (
                 values[declared_name(first, "gap")] + LENGTH + values[declared_name(second, "gap")]
@@ -531,17 +538,17 @@ class BehindUnits(PairUnits):
     @property
     def values(self) -> dict[str, FloatArray]:
         """Values (n,) by parameter."""
-        found = _acting(self.first.actor, self.units.units)
-        found[declared_name(self.second.actor, "gap")] = self.units.behind
-        return {**found, f"{EGO}_Speed_mps": self.units.units.ego_speeds}
+        values = _acting(self.first.actor, self.units.units)
+        values[declared_name(self.second.actor, "gap")] = self.units.behind
+        return {**values, f"{EGO}_Speed_mps": self.units.units.ego_speeds}
 
     @property
     def roles(self) -> dict[str, Role]:
         """Roles of the parameters."""
         first, second = self.first.actor, self.second.actor
-        found = {declared_name(first, role): Role(first, role) for role in ROLES}
+        roles = {declared_name(first, role): Role(first, role) for role in ROLES}
         return {
-            **found,
+            **roles,
             declared_name(second, "gap"): Role(second, BEHIND),
             f"{EGO}_Speed_mps": Role(first, EGO_SPEED),
         }
@@ -582,6 +589,7 @@ def _way(
         values[declared_name(actor, role)] for role in ("start_speed", "end_speed", "final_speed")
     ]
     change, settle = (
+        # By lines: overlap is a matter of metres, which half cosines do not change.
         np.clip((time - start[:, None]) / np.maximum(length, _STEP)[:, None], 0.0, 1.0)
         for start, length in ((begin, duration), (begin + duration, rest))
     )

@@ -127,6 +127,7 @@ its parameter"""
 def explain(option: str, section: Section) -> None:
     """Add a section to the help of every command that has an option, given by the name of its
     parameter."""
+    # By the parameter's name: several commands share an option, and its section stands in each.
     sections[option] = section
 
 
@@ -204,6 +205,7 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def with_options(**given: Any) -> None:
+        # `_build` takes its values out of `given`; what is left are the command's own options.
         made = {name: _build(of, (), given) for name, of in settings.items()}
         command(**made, **given)
 
@@ -251,6 +253,7 @@ class PlainValues:
         typer are left alone.
         """
         for parameter in parameters:
+            # An inner name of typer: where a later version lacks it, its own reading stays.
             if getattr(parameter, "_runtime_param", parameter) is None:
                 parameter._runtime_param = PlainValues(parameter)
 
@@ -264,6 +267,7 @@ class PlainValues:
             read = [_plain(item, get_args(kind)[0], info) for item in value]
         else:
             read = [_plain(value, kind, info)]
+        # One value that is not plain hands all over: errors then have typer's words and places.
         if None in read:
             self._parameter._runtime_param = None
             return self._parameter.get_runtime_param().coerce(value, param=param, ctx=ctx)
@@ -287,6 +291,7 @@ def _plain(value: Any, kind: Any, info: Any) -> Any:
         return None
     if isinstance(value, str) and _DECIMAL.fullmatch(value) and (kind is float or "." not in value):
         value = kind(value)
+    # The default too: it comes here as it is declared, and of another type where a class forgot it.
     inside = (
         type(value) is kind
         and math.isfinite(value)
@@ -314,6 +319,7 @@ def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, st
         name, equals, value = pair.partition("=")
         if not (name and equals):
             raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        # The same twice is no contradiction: scripts add options to those of others.
         if values.get(name, value) != value:
             raise UsageError(
                 f"{option} {name}: {values[name]!r} and {value!r} are given; one value is expected"
@@ -333,13 +339,17 @@ def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Par
         if _PART in setting.metadata:
             yield from _parameters(*setting.metadata[_PART])
         elif _OPTION in setting.metadata:
+            # The type as text: `from __future__ import annotations` leaves fields without evaluated
+            # types.
             declared, text = setting.metadata[_OPTION], str(setting.type)
             repeated = text in _LISTS
             kind: Any = declared.type or (
                 _LISTS[text][1] if repeated else _TYPES[text.removesuffix(" | None")]
             )
             if repeated or (text.endswith(" | None") and declared.type is None):
+                # typer takes an option without a default as required, unless its type allows None.
                 kind |= None
+            # A list as default would be shown in help as brackets.
             default = None if repeated else setting.default
             yield inspect.Parameter(
                 _name(setting),
@@ -366,24 +376,24 @@ def _build(settings: Any, offered: tuple[str, ...], given: dict[str, Any]) -> An
     return settings(**values)
 
 
-def _repeated(each: Field[Any], texts: list[Any]) -> Any:
+def _repeated(setting: Field[Any], texts: list[Any]) -> Any:
     return (
-        parameters_of(texts, each.metadata[_OPTION].names[0])
-        if _LISTS[str(each.type)][0] is dict
+        parameters_of(texts, setting.metadata[_OPTION].names[0])
+        if _LISTS[str(setting.type)][0] is dict
         else tuple(texts)
     )
 
 
-def _name(each: Field[Any]) -> str:
-    name: str = each.metadata[_OPTION].parameter or each.name
+def _name(setting: Field[Any]) -> str:
+    name: str = setting.metadata[_OPTION].parameter or setting.name
     return name
 
 
-def _info(each: Field[Any]) -> OptionInfo:
+def _info(setting: Field[Any]) -> OptionInfo:
     import typer
 
-    declared: Declared = each.metadata[_OPTION]
+    declared: Declared = setting.metadata[_OPTION]
     if declared.section is not None:
-        explain(_name(each), declared.section)
+        explain(_name(setting), declared.section)
     info: OptionInfo = typer.Option(*declared.names, help=declared.help, **declared.how)
     return info

@@ -67,6 +67,7 @@ def settings_of(parameters: Iterable[inspect.Parameter]) -> dict[str, Setting]:
         annotation = parameter.annotation
         kind, *metadata = get_args(annotation) if get_origin(annotation) is Annotated else (None,)
         info = next((item for item in metadata if isinstance(item, OptionInfo)), None)
+        # Eager ones, as --version, end the command: in a file they would end each.
         if info is None or info.is_eager or parameter.name in _NEVER:
             continue
         texts = (info.default, *(info.param_decls or ()))  # typer takes the first name as a default
@@ -113,6 +114,7 @@ class SettingsFile(NamedTuple):
         for number, text in enumerate(self.content.decode("utf-8", "replace").splitlines(), 1):
             if head := re.match(r"\s*\[([^\[\]]+)\]", text):
                 current = re.sub(r"[\s\"']", "", head[1])
+                # The table's line for keys in forms that are not searched for, as inline tables.
                 begin = number if current == wanted else begin
             elif current == wanted and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*[.=]", text):
                 return number
@@ -153,6 +155,7 @@ class SettingsFile(NamedTuple):
     def _from_working_folder(self, text: str, kind: Any, setting: Setting) -> str:
         if setting.files is None:
             return text
+        # A path is one whether or not it is there: an output folder is made by the run.
         if kind is Path or setting.is_list:
             return self._moved(text)
         if setting.files is FileUse.WITHIN:
@@ -161,10 +164,12 @@ class SettingsFile(NamedTuple):
 
     def _moved_file(self, text: str) -> str:
         """A path where the text is that of a file; `auto` and names stay as they are."""
+        # A name without either, as `cas`, is a system's even where a file is called so.
         is_path = "." in text or "/" in text
         return self._moved(text) if is_path and (self.path.parent / text).is_file() else text
 
     def _moved(self, text: str) -> str:
+        # An absolute path stays as it is: joining drops what is before it.
         return str(self.path.parent / Path(text).expanduser())
 
     def _wrong(self, setting: Setting, table: str, message: str) -> InvalidFile:
@@ -189,6 +194,7 @@ def locate(folder: Path | None = None) -> Path | None:
     there is none."""
     start = Path(os.path.abspath(folder or os.curdir))
     for place in (start, *start.parents):
+        # The nearest wins alone: settings of two projects are not mixed.
         if (place / FILE).is_file():
             return _relative(place / FILE)
         project = place / PROJECT
@@ -207,7 +213,8 @@ def _relative(path: Path) -> Path:
 def _bytes(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            return file.read(_MAX_BYTES)
+            # One byte beyond the limit shows that the file is larger.
+            return file.read(_MAX_BYTES + 1)
     except OSError as error:
         raise InvalidFile(f"this can't be read: {error.strerror or error}", path=path) from None
 
@@ -224,9 +231,11 @@ def read(folder: Path | None = None) -> SettingsFile | None:
     import tomllib
 
     content = _bytes(path)
+    if len(content) > _MAX_BYTES:
+        raise InvalidFile(f"at most {_MAX_BYTES} bytes are read", path=path)
     try:
         # Editors of Windows begin files with a byte order mark.
-        found: Any = tomllib.loads(content.decode("utf-8-sig"))
+        top: Any = tomllib.loads(content.decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         # tomllib (Python 3.11) gives the place in its message only.
         line = re.search(r"at line (\d+)", str(error))
@@ -235,12 +244,14 @@ def read(folder: Path | None = None) -> SettingsFile | None:
         raise InvalidFile(f"this is no TOML: {told}", path=path, line=where) from None
     prefix = ""
     if path.name == PROJECT:
-        tool = found.get("tool", {})
-        if "xosc" not in tool:
+        tool = top.get("tool", {})
+        if not isinstance(tool, dict) or "xosc" not in tool:
             return None
-        found, prefix = tool["xosc"], "tool.xosc."
-    tables = {key: value for key, value in found.items() if isinstance(value, dict)}
-    values = {key: value for key, value in found.items() if key not in tables}
+        top, prefix = tool["xosc"], "tool.xosc."
+        if not isinstance(top, dict):
+            raise InvalidFile("tool.xosc: a table [tool.xosc] is expected", path=path)
+    tables = {key: value for key, value in top.items() if isinstance(value, dict)}
+    values = {key: value for key, value in top.items() if key not in tables}
     made = SettingsFile(path, content, values, tables, prefix)
     _refuse_unknown(made)
     return made
@@ -289,6 +300,7 @@ def values_of(
         InvalidFile: its table has an unknown key, or a value is of another type.
     """
     own = file.tables.get(table, {})
+    # Commands with one table have different options: a key of another one is no slip.
     for key in own:
         if key not in settings and key not in others:
             raise file.fault(key, table, f"{table} has no such option; {nearest(key, settings)}")

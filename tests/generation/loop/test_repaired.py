@@ -4,6 +4,8 @@ another version of the system.
 
 from __future__ import annotations
 
+import json
+import shutil
 from dataclasses import replace
 from functools import partial
 from importlib import invalidate_caches
@@ -11,8 +13,20 @@ from pathlib import Path
 
 import pytest
 
-from generation.loop.findings import LoopStage, StageFinding
-from generation.loop.loop import run_loop
+from generation.loop import runs as loop_runs
+from generation.loop.findings import (
+    Checked,
+    LoopResult,
+    LoopStage,
+    Ran,
+    Recognised,
+    RecognisedRun,
+    Round,
+    StageFinding,
+)
+from generation.loop.inputs import Inputs
+from generation.loop.loop import _Loop, run_loop
+from generation.loop.runs import FinishedStages
 from generation.search.settings import Ask, LoopSettings
 from generation.space.logical.library import SCENARIOS
 from runner.judging.settings import RunSettings
@@ -22,6 +36,7 @@ from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
 from xosc.exports.draft import Folder
 
+QUIET = partial(progress_bar, quiet=True)
 SETTINGS = LoopSettings(
     model=None, rounds=1, budget=6, most=1, method="draws", processes=1, ask=Ask(density="uniform")
 )
@@ -37,6 +52,44 @@ def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:
 
     run_loop(folder, out, settings, partial(progress_bar, quiet=True), report)
     return done
+
+
+def loop(folder: Path, out: Path) -> _Loop:
+    stages = FinishedStages(out, SETTINGS.deciding(), lambda *_: None)
+    return _Loop(Inputs.of(folder), out, SETTINGS, QUIET, stages)
+
+
+def test_a_file_that_was_edited_since_is_checked_again(tmp_path: Path) -> None:
+    folder, out = tmp_path / "mine", tmp_path / "out"
+    standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
+    standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(out / "catalogue"))
+    shutil.rmtree(out / "stages", ignore_errors=True)
+    (out / "loop.json").write_text(json.dumps(SETTINGS.deciding()))
+    assert loop(folder, out).check([]).problems == []
+    (edited,) = (out / "catalogue").rglob("cut_in_highway.xosc")
+    text = edited.read_text(encoding="utf-8")
+    edited.write_text(text.replace("<Storyboard>", "<Storyboards>"), encoding="utf-8")
+    (problem,) = loop(folder, out).check([]).problems
+    assert "cut_in_highway.xosc" in problem
+    edited.write_text(text, encoding="utf-8")
+    assert loop(folder, out).check([]).problems == []
+
+
+def test_runs_that_can_not_be_labelled_are_named_and_no_sound_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, out = tmp_path / "mine", tmp_path / "out"
+    standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
+    failures = {"cut_in_highway_0": "no road"}
+    monkeypatch.setattr(loop_runs, "catalogue", lambda *_, **__: Recognised(failures=failures))
+    monkeypatch.setattr("generation.loop.loop.rows_of", lambda _: [])
+    labelled = loop(folder, out)._label(out / "round_1")
+    assert labelled.failures == failures
+    ran, checked = Ran(), Checked(files=1, problems=[])
+    result = LoopResult({}, 0, Recognised(), [], [Round(1, [], ran, labelled)], ran, ran, checked)
+    assert not result.sound
+    calm = replace(result, rounds=[Round(1, [], ran, RecognisedRun())])
+    assert calm.sound
 
 
 @pytest.mark.slow

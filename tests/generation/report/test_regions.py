@@ -107,6 +107,24 @@ def test_a_rule_is_scored_on_draws_in_arrays_too() -> None:
     assert [each.precision for each in unscored] == [each.precision for each in alone]
 
 
+def test_failures_beyond_those_that_are_linked_count_in_their_region() -> None:
+    """4,000 failures in two groups: a rule and a number of all of them, not of evenly chosen ones."""
+    theta = np.tile(np.array(EASY), (10_000, 1))
+    gaps = np.linspace(5.0, 80.0, 10_000)
+    theta[:, GAP], theta[:, SPEED] = gaps, np.linspace(10.0, 40.0, 10_000)
+    failing = (gaps < 25.0) | (gaps > 70.0)
+    every = Episodes(theta, Outcomes.of(10_000, collision=failing), np.zeros(10_000))
+    generated = searched("cas", np.array([HARD]))
+    none = generated.cases.take(np.zeros(len(generated.cases), bool))
+    generated = replace(generated, episodes=every, draws=every, cases=none)
+    found, parts = with_parts(generated, varying(generated))
+    assert parts is not None and len(found) == 2
+    assert sum(region.failures for region in found) == int(failing.sum()) >= 4000
+    for region in found:
+        assert region.chance.failing == region.failures
+        assert region.precision.collisions == region.precision.runs > 0.9 * region.failures
+
+
 def test_few_failures_make_no_rule_and_no_rule_leaves_a_single_value() -> None:
     generated = searched("cas:brake=2", np.array([HARD, WEAK]), drawn=20)
     of = varying(generated)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,12 +143,18 @@ def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Pa
         declaration = tagged.root.find("ParameterDeclarations/ParameterDeclaration")
         assert declaration is not None
         declaration.set("value", str(gap))
+        # Whether a value is written out or worked out makes no difference.
+        other = tagged.root.find("ParameterDeclarations/ParameterDeclaration[2]")
+        assert other is not None
+        if number == 1:
+            other.set("value", "${10 + 12}")
         xosc.write(tagged, folder / f"{number}.xosc")
     (found,) = of_catalogue(tmp_path)
     assert found.path.name == "2.xosc"
     space = Space.of(found.path, pinned={"CutIn_Duration_s": "3"})
     assert found.on(space).theta[:, 0].tolist() == [10.0, 30.0, 25.0]
     assert found.on(space).theta.shape == (3, 7)
+    assert found.on(space).theta[1, 1] == 22.0
     other = Space.of(SCENARIOS / "cut_out_highway.xosc")
     with pytest.raises(UsageError, match="no values of the parameter CutOut_Gap_m"):
         found.on(other)
@@ -216,3 +223,11 @@ def test_units_of_one_recording_make_no_density_that_could_be_tested() -> None:
         recorded = Recorded(theta, np.array(recordings))
         found = shipped_instead(RecordedScenario(scenario, space.names, recorded), space, 30)
         assert (found is None) == enough
+
+
+def test_pairs_have_a_prior_beside_a_pinned_word() -> None:
+    path = SCENARIOS / "squeezed_highway.xosc"
+    space = Space.of(path)
+    space = replace(space, pinned={**space.pinned, "Model": "car"})
+    recorded = of_samples(of_recordings(None, "squeezed"), space)
+    assert recorded._admitted(space, recorded.theta[:5]).shape == (5,)

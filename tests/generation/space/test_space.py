@@ -209,3 +209,10 @@ def test_known_rows_say_how_far_others_are_however_they_came() -> None:
     np.testing.assert_allclose(known.distances(others), wanted)
     limited = known.distances(others, 0.1)
     np.testing.assert_allclose(limited, np.where(wanted < 0.1, wanted, np.inf))
+
+
+def test_values_of_another_version_are_no_point() -> None:
+    space = Space((Parameter("Gap", 1.0, 9.0), Parameter("Speed", 1.0, 9.0)))
+    np.testing.assert_array_equal(space.point({"Gap": "2", "Speed": "3", "More": "x"}), [2.0, 3.0])
+    assert space.point({"Gap": "2"}) is None
+    assert space.point({"Gap": "2", "Speed": "fast"}) is None
