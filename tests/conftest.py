@@ -47,6 +47,19 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 _LEFT_OUT = pytest.StashKey[int]()
+_BY_NAME = ("study", "every")
+"""Marks of tests that run only where `-m` names them"""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out studies where `-m` does not name them: an expression on the command line, as that
+    of a room's tests, takes the place of the one in pyproject.toml.
+    """
+    unnamed = [mark for mark in _BY_NAME if mark not in config.getoption("markexpr")]
+    left = [item for item in items if any(map(item.get_closest_marker, unnamed))]
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if item not in left]
 
 
 def pytest_deselected(items: Sequence[pytest.Item]) -> None:
