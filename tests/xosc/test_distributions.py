@@ -9,6 +9,7 @@ import math
 import random
 import statistics
 from datetime import datetime
+from importlib.metadata import EntryPoint
 from itertools import islice
 from pathlib import Path
 
@@ -466,6 +467,8 @@ class Twice:
     def __init__(self, content: str) -> None:
         if "?" in content:
             raise ValueError("question marks mean nothing")
+        if "!" in content:
+            raise LookupError("no such table")
         self.content = content
 
     def values(self) -> list[str]:
@@ -477,11 +480,8 @@ class Twice:
 
 @pytest.fixture
 def plugin(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Entry:
-        def load(self) -> type[Twice]:
-            return Twice
-
-    monkeypatch.setattr(shared, "installed", lambda group: {"twice": Entry()})
+    entry = EntryPoint("twice", f"{__name__}:Twice", shared.GROUP)
+    monkeypatch.setattr(shared, "installed", lambda group: {"twice": entry})
     shared._plugin.cache_clear()
 
 
@@ -528,7 +528,12 @@ def test_a_plugin_gives_user_defined_values(written, plugin) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [("?", "question marks mean nothing"), ("", "lists no value")]
+    ("content", "message"),
+    [
+        ("?", "question marks mean nothing"),
+        ("", "lists no value"),
+        ("!", "the plug-in 'twice' of .* can't be used: LookupError: no such table"),
+    ],
 )
 def test_content_that_a_plugin_cannot_use_is_refused_at_its_line(
     written, plugin, content: str, message: str

@@ -248,6 +248,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     for signal in lights:
         for name in signal.lanes:
             held.setdefault(name, []).append(numbers[id(signal)])
+    # One for each lanelet, as the format has it: of two the later one.
     lines = {name: line for line in lane_map.stop_lines for name in line.lanes}
     hidden = [
         line.id
@@ -268,6 +269,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         light = etree.SubElement(root, "trafficLight", id=numbers[id(signal)])
         element = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
         etree.SubElement(element, "duration").text = "1"
+        # A cycle has to have an element; a map has no program of its lights.
         etree.SubElement(element, "color").text = "inactive"
         etree.SubElement(light, "position").append(_point(signal.place, False))
         etree.SubElement(light, "active").text = "false"
@@ -494,6 +496,7 @@ def _stop_lines(
         for element in elements[name].iterchildren("stopLine"):
             points = list(element.iterchildren("point"))
             ends = [lane.left[-1].tolist(), lane.right[-1].tolist()]
+            # Without points the line is where the lanelet ends (CommonRoad 2020a).
             if len(points) == 2:
                 ends = [[number(p, "x"), number(p, "y"), _height(p)] for p in points]
             found.setdefault(tuple(map(tuple, ends)), []).append(name)

@@ -144,6 +144,7 @@ class DeterministicSingleParameterDistribution:
         if child.tag not in _SINGLE:
             raise child.invalid("not a deterministic distribution of the standard")
         created = cls(node.get("parameterName"), _SINGLE[child.tag].read(child))
+        # A plug-in may list none: the product of all sizes would be 0, and no run would say why.
         if not created.size:
             raise child.invalid("the distribution lists no value")
         return created
@@ -165,6 +166,7 @@ class DeterministicMultiParameterDistribution:
     value_sets: tuple[Mapping[str, str], ...]
 
     def __post_init__(self) -> None:
+        # A set without values would be a run with defaults that nobody listed.
         if not self.value_sets or not all(self.value_sets):
             raise UsageError(
                 "a ValueSetDistribution needs at least one ParameterValueSet, and each at least "
@@ -254,6 +256,8 @@ class Deterministic:
     def read(cls, node: Node) -> Deterministic:
         """Read the element."""
         for child in node.children():
+            # Before any is read: of a mixed file the first wrong element is named, not what follows
+            # from it.
             if child.tag not in _KINDS:
                 raise child.invalid("not a deterministic distribution of the standard")
         return cls(tuple(_KINDS[child.tag].read(child) for child in node.children()))
@@ -284,6 +288,8 @@ class ParameterValueDistribution:
         taken: set[str] = set()
         for distribution in self.definition.distributions:
             for name in distribution.parameter_names:
+                # In the same distribution too: two values of one parameter leave open which one
+                # counts.
                 if name in taken:
                     raise UsageError(
                         f"the parameter {name!r} gets its values from more than one distribution"

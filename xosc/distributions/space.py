@@ -65,6 +65,7 @@ class ParameterSpace:
         document = load(path)
         self.distribution: ParameterValueDistribution | None = None
         self.scenario = document.path
+        # A scenario is its own only variation, so that callers need no case for it.
         self.size = 1
         if document.kind == "distribution":
             self._read(document)
@@ -115,6 +116,7 @@ class ParameterSpace:
             return set()
         definition = self.distribution.definition
         several = definition.distributions if isinstance(definition, Deterministic) else ()
+        # Of stochastic ones nothing is known before a draw: all may vary.
         single = {name for part in several if part.size == 1 for name in part.parameter_names}
         return self._places.keys() - single
 
@@ -173,6 +175,8 @@ class ParameterSpace:
                 name: self._written(name, value)
                 for name, value in definition.assignment(index, seed).items()
             }
+        # Here, not at the start of the run: the error names the line of this file that gives the
+        # value.
         for name, value in values.items():
             self._check(name, value)
         return values
@@ -278,12 +282,14 @@ def sample(
         simple_cut_in.xosc 15
         simple_cut_in.xosc 5
     """
+    # It becomes part of a text, and `nan` would be a seed like others.
     if not math.isfinite(seed):
         raise UsageError(f"the seed must be a finite number, not {seed}")
     return islice(_drawn(ParameterSpace(path), seed, enforce_constraints), number)
 
 
 def _drawn(space: ParameterSpace, seed: float, enforce_constraints: bool) -> Iterator[Variation]:
+    # Counted in a row: a space of which few sets keep the constraints still yields these.
     index = rejections = 0
     while rejections < MAX_REJECTIONS:
         variation = space.draw(index, seed)
@@ -333,6 +339,7 @@ def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
         if name in needed or name not in declarations:
             continue
         needed[name] = declarations[name]
+        # What a constraint compares with decides as well, though it has none itself.
         pending.extend(_needs(declarations[name]))
     return needed
 
@@ -436,6 +443,7 @@ class Selection:
         every = Variations(space, enforce_constraints)
         for _, values in every:
             yield every.index, values
+        # Nothing to run is no success: a batch without runs would pass.
         if every.excluded and every.excluded == space.size:
             raise _none_kept(space, f"none of {many(space.size, 'parameter set')}")
         if every.excluded:
@@ -444,26 +452,26 @@ class Selection:
     def _drawn(self, space: ParameterSpace, enforce_constraints: bool) -> list[int]:
         """Numbers of different sets; the space, of any size, is not enumerated."""
         assert self.sample is not None
-        draws, found, rejected = random.Random(self.seed), set[int](), set[int]()
+        draws, kept, rejected = random.Random(self.seed), set[int](), set[int]()
         tries = 0
         while (
-            len(found) < self.sample
-            and len(found) + len(rejected) < space.size
+            len(kept) < self.sample
+            and len(kept) + len(rejected) < space.size
             and tries < MAX_REJECTIONS
         ):
             # By drawing until enough differ: a shuffled list of a space could exceed memory.
             index = draws.randrange(space.size)
             tries += 1
-            if index in found or index in rejected:
+            if index in kept or index in rejected:
                 continue
             if enforce_constraints and not space.admits(space.variation(index)[1]):
                 rejected.add(index)
             else:
-                found.add(index)
+                kept.add(index)
                 tries = 0
-        if not found:
+        if not kept:
             raise _none_kept(space, f"none of {many(len(rejected), 'sample')}")
-        return sorted(found)
+        return sorted(kept)
 
 
 def _none_kept(space: ParameterSpace, subject: str) -> InvalidFile:

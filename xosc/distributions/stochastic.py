@@ -59,6 +59,7 @@ class NormalDistribution:
         ):
             return
         low, high, _ = self._probabilities
+        # A Range of one value is that value, however improbable it is.
         if low >= high and (not self.variance or self.range.lower_limit < self.range.upper_limit):
             raise UsageError("the Range holds no probability of this distribution")
 
@@ -175,6 +176,7 @@ class PoissonDistribution:
 
     def __post_init__(self) -> None:
         finite("expectedValue", self.expected_value)
+        # Beyond, counts are no exact doubles in scipy's inverse.
         if not 0 < self.expected_value <= 1e9:
             raise UsageError(
                 f"expectedValue={self.expected_value:g} of a Poisson distribution must lie "

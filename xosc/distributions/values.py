@@ -13,8 +13,8 @@ from typing import Protocol
 
 from lxml import etree
 
-from schemas.common.errors import Unsupported, UsageError
-from schemas.common.plugins import installed
+from schemas.common.errors import Unsupported, UsageError, blame, note_plugin
+from schemas.common.plugins import installed, told
 from schemas.common.policy import current
 from xosc.document.node import Node
 
@@ -81,7 +81,9 @@ def weights(values: list[float]) -> None:
 def text(value: float | Decimal) -> str:
     """A number as it stands in a file: the shortest text that reads back as the same number, `3`
     rather than `3.0`."""
+    # By `repr`, the shortest text: of the double itself a decimal has up to a thousand digits.
     number = value if isinstance(value, Decimal) else Decimal(repr(float(value)))
+    # Of 0 and −0 alike.
     if not number:
         return "0"
     number = number.normalize()
@@ -165,12 +167,18 @@ class UserDefinedDistribution:
 def _plugin(kind: str, content: str) -> UserDistribution:
     plugins = installed(GROUP)
     if kind in plugins:
+        entry = plugins[kind]
+        note_plugin(entry.module, told(entry))
         try:
-            return plugins[kind].load()(content)
+            return entry.load()(content)
         except ValueError as error:
             raise UsageError(
                 f"the plug-in {kind!r} does not understand the content: {error}"
             ) from None
+        except Exception as error:  # a plug-in's own code runs here
+            raise UsageError(
+                f"{told(entry)} can't be used: {blame(error, entry.module)}"
+            ) from error
     known = ", ".join(sorted(plugins)) or "none is installed"
     raise Unsupported(
         f"no plug-in for the user-defined distribution type {kind!r} (entry point "

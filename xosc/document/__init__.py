@@ -90,6 +90,7 @@ def load(path: str | os.PathLike[str], *, strict: bool = False) -> Document:
     """
     name = os.fspath(path)
     document = _load(name, stamp(name))
+    # Outside of the cache: a lenient reading of the same file may have filled it.
     Remarks(strict).add(*document.remarks)
     return document
 
@@ -142,17 +143,17 @@ def _load(path: str, _: Stamp) -> Document:
         etree.cleanup_namespaces(tree)
     if root.tag == OPENSCENARIO:
         remarks += repair(node, VERSIONS)
-    found = detect(tree)
-    if found.standard != OPENSCENARIO:
+    file = detect(tree)
+    if file.standard != OPENSCENARIO:
         raise InvalidFile(
-            f"this is {found.standard}, an OpenSCENARIO file is expected",
+            f"this is {file.standard}, an OpenSCENARIO file is expected",
             path=path,
             line=line_of(root),
         )
-    if found.version not in VERSIONS:
+    if file.version not in VERSIONS:
         first, last = (".".join(map(str, version)) for version in (VERSIONS[0], VERSIONS[-1]))
         message = (
-            f"{found} is not supported, only versions {first} to {last} of OpenSCENARIO XML are"
+            f"{file} is not supported, only versions {first} to {last} of OpenSCENARIO XML are"
         )
         raise Unsupported(message, path=path, line=line_of(root))
-    return Document(Path(path), root, found.version, found.kind, remarks=tuple(remarks))
+    return Document(Path(path), root, file.version, file.kind, remarks=tuple(remarks))

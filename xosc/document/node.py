@@ -44,6 +44,7 @@ class Node:
 
     def __init__(self, element: etree._Element, path: Path) -> None:
         self.element = element
+        # An entry of a catalogue keeps its own file: relative paths and errors are of that.
         source = element.get(SOURCE)
         self.path = _path(source) if source else path
 
@@ -58,6 +59,7 @@ class Node:
     @property
     def line(self) -> int | None:
         """Line in the file named by `path`."""
+        # Elements that were made or copied have no line of their own.
         return int(str(self.element.get(LINE) or self.element.sourceline or 0)) or None
 
     @property
@@ -146,6 +148,7 @@ class Node:
         return [
             Node(child, self.path)
             for child in self.element
+            # Comments and processing instructions have a function as tag.
             if isinstance(child.tag, str) and (not tags or child.tag in tags)
         ]
 
@@ -161,10 +164,10 @@ class Node:
 
     def need(self, *steps: str) -> Node:
         """Return the result of `find`; a missing element is an InvalidFile."""
-        found = self.find(*steps)
-        if found is None:
+        node = self.find(*steps)
+        if node is None:
             raise self.invalid(f"the element {'/'.join(steps)} is missing")
-        return found
+        return node
 
     def only(self) -> Node:
         """The single child of an element that holds a choice."""
@@ -221,19 +224,19 @@ def _path(source: str) -> Path:
 def _source_of(element: etree._Element, default: Path, known: dict[etree._Element, Path]) -> Path:
     """The file that an element came from: that of its nearest ancestor with one. Those that are
     known end the search."""
-    passed, found = [], default
+    passed, source = [], default
     current: etree._Element | None = element
     while current is not None:
         if current in known:
-            found = known[current]
+            source = known[current]
             break
         passed.append(current)
-        if source := current.get(SOURCE):
-            found = _path(source)
+        if own := current.get(SOURCE):
+            source = _path(own)
             break
         current = current.getparent()
-    known.update(dict.fromkeys(passed, found))
-    return found
+    known.update(dict.fromkeys(passed, source))
+    return source
 
 
 # meaning of names -------------------------------------------------------------------------------
@@ -276,6 +279,7 @@ def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]
         for path, element in candidates
         if path[-len(parts) :] == parts
     ]
+    # The nearest, as names resolve in programs: `Act::Event` in one's own story comes first.
     most = max((shared for shared, _ in near), default=0)
     return [element for shared, element in near if shared == most]
 

@@ -49,17 +49,18 @@ def omit(document: Document, version: Version) -> Iterator[str]:
     """Make the changes for a version, in place; a remark for each kind with the first place."""
     yield from _idle_elements(document)
     yield from _misplaced_actions(document)
+    # By the older of both: a file may have what its own version lacks.
     older = min(version, document.version)
     changes = [omission for omission in OMISSIONS if older < omission.before]
     changes += [
         omission for omission in SAID_OTHERWISE if version < omission.before <= document.version
     ]
     for _, where, change, reason in changes:
-        found = _at(document, where)
-        if found:
-            first: Node = located(found[0], document)
+        elements = _at(document, where)
+        if elements:
+            first: Node = located(elements[0], document)
             yield f"{first.where}: {first.tag}: {reason}"
-        for element in found:
+        for element in elements:
             # An element outside the tree was removed with another one of the same Action.
             if document.root in (element, *element.iterancestors()):
                 change(element)
@@ -112,7 +113,9 @@ def leave_out(action: Node, scenario: Node) -> None:
     if scenario.element not in action.element.iterancestors():
         return
     holder, parent = action.element, _parent(action.element)
+    # Up to the element that can be taken away whole: what would be left has to be valid.
     while holder.tag not in ("Action", "PrivateAction") or parent.tag == "Action":
+        # It may hold two actions: the other one stays.
         if parent.tag == "ControllerAction" and len(parent.findall("*")) > 1:
             parent.remove(holder)
             return
@@ -285,6 +288,7 @@ def _complete(environment: etree._Element) -> None:
     }
     for place, (tag, attributes) in enumerate(made.items()):
         if environment.find(tag) is None:
+            # The order of the schema: parts stand after the declarations.
             declared = environment.find("ParameterDeclarations") is not None
             environment.insert(place + declared, etree.Element(tag, attributes))
 

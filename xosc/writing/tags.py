@@ -55,6 +55,7 @@ def openlabel(tags: Sequence[Tag], file: str, annotator: str) -> dict[str, Any]:
         UsageError: two tags have the same type.
     """
     tags = _sorted(tags)
+    # Numbered by their uris, so that the same tags give the same file.
     ontologies = {
         uri: str(number) for number, uri in enumerate(sorted({tag.ontology for tag in tags}))
     }
@@ -90,6 +91,8 @@ def read(path: str | PathLike[str]) -> list[Tag]:
             Tag(tag["type"], _value(tag.get("tag_data")), named[tag["ontology_uid"]])
             for tag in content["tags"].values()
         ]
+    # All that a file of another program may lack or have otherwise: its tags are one sentence, not
+    # a traceback.
     except (
         OSError,
         ValueError,
@@ -163,6 +166,7 @@ def annotated(document: Document, tags: Sequence[Tag]) -> Document:
     ]:
         holder.remove(old)
     for number, (name, value) in enumerate(properties(tags).items()):
+        # At the front and in order: the schema does not say where, a diff does.
         holder.insert(number, etree.Element("Property", name=name, value=value))
     return Document(document.path, root, document.version, document.kind)
 
@@ -190,6 +194,7 @@ def _entry(tag: Tag, ontology: str) -> dict[str, Any]:
 
 
 def _data(value: bool | float | str | Sequence[float] | Sequence[str]) -> Mapping[str, Any]:
+    # First, since a bool is an int to Python.
     if isinstance(value, bool):
         return {"boolean": [{"type": "value", "val": value}]}
     if isinstance(value, int | float):

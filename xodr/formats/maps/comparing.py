@@ -128,6 +128,7 @@ def _places(lanes: Iterable[MapLane]) -> _LaneSamples:
         ahead = at_lengths(lane.centre, np.minimum(share * lane.length + 0.2, lane.length))
         behind = at_lengths(lane.centre, np.maximum(share * lane.length - 0.2, 0.0))
         way = (ahead - behind)[:, :2]
+        # A lane that stands still for a step has no direction; it matches nothing.
         way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
         left, right = (_beside(line, middle) for line in (lane.left, lane.right))
         numbers.append(np.full(count, len(names)))
@@ -235,9 +236,11 @@ class _LaneIndex:
         """Distances of places from the nearer border of a lane each, m."""
         places, away = shapely.points(points), np.full(len(points), np.inf)
         place, piece = self._border_tree.query(places, predicate="dwithin", distance=_BORDER_REACH)
+        # Of the matched lane alone: a neighbour's border is often nearer.
         own = self._lane_of_border[piece] == lanes[place]
         place, piece = place[own], piece[own]
         np.minimum.at(away, place, shapely.distance(self._borders[piece], places[place]))
+        # Few: the whole line is slow, and needed only where borders are metres apart.
         for far in np.flatnonzero(np.isinf(away)).tolist():
             away[far] = shapely.distance(self._whole[lanes[far]], places[far])
         return away
@@ -271,25 +274,26 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
     match, away, above = index.near(places.point, places.way, _reach(places)).nearest(
         len(places.lane)
     )
-    found = match >= 0
-    missing = _lengths(places, ~found)
-    middle, sides, lanes = places.point[found], places.sides[found], match[found]
+    there = match >= 0
+    missing = _lengths(places, ~there)
+    middle, sides, lanes = places.point[there], places.sides[there], match[there]
     borders = np.maximum(*(index.border_distances(lanes, sides[:, side]) for side in (0, 1)))
-    heights = np.abs(above[found])
-    names = [places.names[number] for number in places.lane[found].tolist()]
+    heights = np.abs(above[there])
+    names = [places.names[number] for number in places.lane[there].tolist()]
     pairs: dict[str, Counter[str]] = {}
     for name, other_lane in zip(names, lanes.tolist(), strict=True):
         pairs.setdefault(name, Counter())[index.names[other_lane]] += 1
     worst = np.argsort(-borders, kind="stable")[:_WORST]
+    # The lane beside most places of it: at its ends a lane may lie on its neighbours.
     matched = {name: counts.most_common(1)[0][0] for name, counts in pairs.items()}
     lost, total = _connections(ours, theirs, index)
     gained, _ = _connections(theirs, ours, own)
     compared = len(borders) + sum(missing.values()) / STEP
-    kinds = [(name, ours[name].type, theirs[there].type) for name, there in matched.items()]
-    limits = [(name, ours[name].limit, theirs[there].limit) for name, there in matched.items()]
+    kinds = [(name, ours[name].type, theirs[match_].type) for name, match_ in matched.items()]
+    limits = [(name, ours[name].limit, theirs[match_].limit) for name, match_ in matched.items()]
     return MapDifference(
         Distances.of(borders, names),
-        Distances.of(away[found], names),
+        Distances.of(away[there], names),
         Distances.of(heights, names),
         _longest_first(missing),
         _longest_first(_extra(theirs, own)),
@@ -348,6 +352,7 @@ def _connections(
         (name, following)
         for name, lane in ours.items()
         for following in lane.successors
+        # Lanes shorter than a step have no place that could be matched.
         if following in ours and lane.length >= STEP and ours[following].length >= STEP
     ]
     ends = list(dict.fromkeys(end for a, b in pairs for end in ((a, True), (b, False))))

@@ -188,9 +188,11 @@ def format_of(path: Path) -> str:
         if name.endswith(ending):
             return kind
     if name.endswith(".osm"):
+        # A name to be written: of the two formats with this ending only one is written.
         if not path.exists():
             return "lanelet2"
         root = parse(path).getroot()
+        # Both formats are XML of OpenStreetMap; only Lanelet2 has relations of this type.
         lanelets = any(
             tag.get("k") == "type" and tag.get("v") == "lanelet"
             for tag in root.iterfind("relation/tag")
@@ -198,11 +200,9 @@ def format_of(path: Path) -> str:
         return "lanelet2" if lanelets else "openstreetmap"
     if name.endswith(".xml"):
         root_tag = parse(path).getroot().tag if path.exists() else "commonRoad"
-        found = {"commonRoad": "commonroad", "net": "sumo", "OpenDRIVE": "opendrive"}.get(
-            str(root_tag)
-        )
-        if found:
-            return found
+        kinds = {"commonRoad": "commonroad", "net": "sumo", "OpenDRIVE": "opendrive"}
+        if str(root_tag) in kinds:
+            return kinds[str(root_tag)]
         raise InvalidFile(
             f"the root element {root_tag!r} is of no map format that is known", path=path
         )
@@ -250,10 +250,12 @@ def read_map(
     try:
         Projector.of(made)
     except UsageError as error:  # PROJ reads no file for it
+        # A map is as good without its place on Earth; coordinates stay what they are.
         made.projection = None
         made.notes.append(f"{error.message}; it is left out")
     if kind == "opendrive":
         return made
+    # Of OpenDRIVE sides follow from the signs of lanes: there they can't be exchanged.
     crossed = [lane.id for lane in made.lanes.values() if lane_map.sides_exchanged(lane)]
     if crossed:
         made.notes.append(

@@ -138,6 +138,7 @@ def info(path: str | PathLike[str], *, origin: tuple[float, float] | None = None
     if projector is not None:
         longitude, latitude, _ = projector.to_geodetic(np.array([[west, south, 0.0]]))
         corner = (float(latitude[0]), float(longitude[0]))
+    # Roads and junctions are OpenDRIVE's alone; other formats have lanes.
     network = load(file) if kind == "opendrive" else None
     notes = made.notes + (
         [str(remark) for remark in network.remarks] if network is not None else []
@@ -165,9 +166,11 @@ def faults(path: str | PathLike[str]) -> tuple[list[MapFinding], list[str]]:
     import schemas
 
     network, located, elsewhere = load(path), list[MapFinding](), list[str]()
+    # By the paths of the problems: the reader of roads keeps no elements.
     tree = parse(Path(path), []).getroot()
     for problem in schemas.check(path):
         place = _place(tree, network, problem.element or "")
+        # Problems of the header and of junctions have no place.
         if place is None:
             elsewhere.append(str(problem))
         else:
@@ -179,10 +182,10 @@ def faults(path: str | PathLike[str]) -> tuple[list[MapFinding], list[str]]:
 def _place(root: etree._Element, network: RoadNetwork, element: str) -> tuple[float, float] | None:
     """Place of the road of an element, at its s; None for those of no road."""
     try:
-        found = root.xpath(element) if element else []
+        elements = root.xpath(element) if element else []
     except etree.XPathError:  # a text that is no path
-        found = []
-    first = found[0] if isinstance(found, list) and found else None
+        elements = []
+    first = elements[0] if isinstance(elements, list) and elements else None
     if not isinstance(first, etree._Element):
         return None
     chain = [first, *first.iterancestors()]
@@ -235,6 +238,7 @@ def _aligned(one: LaneMap, like: LaneMap) -> LaneMap:
         for side in ("left", "right"):
             line = getattr(lane, side)
             setattr(lane, side, there.to_map(np.column_stack(here.to_geodetic(line))))
+        # Both are kept once worked out, from the borders that were just replaced.
         lane.__dict__.pop("centre", None)
         lane.__dict__.pop("length", None)
     return one
