@@ -331,6 +331,7 @@ class RoadMap:
     def to_xml(self) -> bytes:
         """The map as an OpenDRIVE file, UTF-8."""
         root = etree.Element("OpenDRIVE")
+        # The oldest version that has all that is built: more readers know it.
         major, minor = (
             REVISION_OF_LAYERS if any(road.temporary for road in self.roads) else REVISION
         )
@@ -382,6 +383,7 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     references = tuple(
         r._replace(t=-r.t, validity=tuple((-b, -a) for a, b in r.validity)) for r in road.references
     )
+    # Offsets and roll change sides; heights, which are profiles too, do not.
     offset, moved, roll = (
         tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in profile)
         for profile in (road.offset, road.temporary_offset, road.superelevation)
@@ -537,6 +539,7 @@ def _cubics(parent: etree._Element, tag: str, cubics: Iterable[Cubic]) -> None:
 
 def _section(parent: etree._Element, section: SectionDesign, layer: str | None) -> None:
     element = _add(parent, "laneSection", s=section.s, length=section.length)
+    # The order of the schema: from left to right.
     left = sorted((key for key in section.lanes if key > 0), reverse=True)
     right = sorted((key for key in section.lanes if key < 0), reverse=True)
     if left:

@@ -141,6 +141,7 @@ def _mouth(road: RoadDesign, lane: int, width: float, entering: bool) -> tuple[P
     """Pose of a lane's inner border in the direction of travel where traffic enters or leaves the
     road, and the contact point."""
     at_start = entering == (lane < 0)
+    # Lanes further in are as wide: the builders have no others.
     border = (abs(lane) - 1) * width
     pose = (road.start if at_start else road.end).shifted(math.copysign(border, lane))
     return (pose if lane < 0 else pose.turned(math.pi)), "start" if at_start else "end"
@@ -222,6 +223,8 @@ def straight_highway(
     layout = carriageway(lanes, lane_width, edge=shoulder)
     if opposite_lanes:
         beyond = carriageway(opposite_lanes, lane_width, side=1, edge=shoulder)
+        # As the first lane to the left, so that both carriageways are one road with one reference
+        # line.
         layout[1] = LaneDesign("median", constant(median), mark="solid")
         layout |= {key + 1: lane for key, lane in beyond.items()}
     section = SectionDesign(0.0, layout, centre_mark="solid")

@@ -71,6 +71,7 @@ def write(network: RoadNetwork) -> tuple[bytes, list[str]]:
     height = network.header.offset[2]
     if height and network.geo_reference is not None and not notes:
         notes.append(f"the height of the offset, {height:g} m, is left out: SUMO has none")
+    # A lane of SUMO may be several in a row: heights and type are those of most of it.
     longest = {lane: max(tracks, key=lambda track: track.length) for lane, tracks in passed.items()}
     lift(root, longest, network)
     _name_types(root, longest, network)
@@ -228,6 +229,7 @@ def _add_borders(
     for lane in root.iter("lane"):
         tracks = passed.get(lane.get("id", ""), [])
         width = float(lane.get("width", _WIDTH))
+        # Then SUMO's own width says it all, and a parameter would be stale after an edit.
         if all(_of_one_width(roads, track, width) for track in tracks):
             continue
         line = _points(lane, "shape", roads.path)
@@ -357,6 +359,7 @@ def read(path: Path) -> LaneMap:
         ]
         for number, lane in enumerate(made):
             lane.in_junction = internal
+            # By index: SUMO counts lanes from the outer border of the edge.
             inner, outer = (
                 made[n].id if 0 <= n < len(made) and not internal else None
                 for n in (number + 1, number - 1)
@@ -408,6 +411,7 @@ def _stop_lines(
             )
             row.append(MapStopLine(lane.id, np.vstack([left, right]), (lane.id,)))
         for stop in row:
+            # Within one edge only: lines of two roads may meet at a corner.
             before = found[-1] if found and stop is not row[0] else None
             if before is not None and math.dist(before.line[0], stop.line[1]) < _SAME_LINE:
                 line = np.vstack([stop.line[:1], before.line[1:]])
@@ -453,6 +457,7 @@ def _take_borders(made: MapLane, lane: etree._Element, path: Path) -> bool | Non
         return False
     middle = shapely.LineString(0.5 * (left + right)[:, :2])
     away = shapely.distance(middle, shapely.points(made.centre[:, :2]))
+    # Somebody has moved the lane in an editor: his shape counts, not the borders of before.
     if away.max() > _MOVED:
         return False
     made.left, made.right = left, right
@@ -554,6 +559,7 @@ def _connect(root: etree._Element, lanes: dict[str, MapLane]) -> list[MapSignal]
     held: dict[str, dict[str, None]] = {}
     for connection in root.iterchildren("connection"):
         source = f"{connection.get('from')}_{connection.get('fromLane')}"
+        # By the lane inside the junction, if there is one: it leads on by a connection of its own.
         target = connection.get("via") or f"{connection.get('to')}_{connection.get('toLane')}"
         if source in lanes and target in lanes and target not in lanes[source].successors:
             lanes[source].successors.append(target)

@@ -854,6 +854,19 @@ def commonroad(height: str) -> str:
     return f"<commonRoad>{lanelet}{light}</commonRoad>"
 
 
+_NODES = "".join(
+    f"<node id='{number}' lat='{y}e-5' lon='{x}e-5'><tag k='local_x' v='{x}'/>"
+    f"<tag k='local_y' v='{y}'/></node>"
+    for number, (x, y) in enumerate([(0, 3), (9, 3), (0, 0), (9, 0)], 1)
+)
+OFFSET_IN_WORDS = (
+    f"<osm xosc_projection='+proj=utm +zone=31' xosc_offset='a b c d'>{_NODES}"
+    "<way id='5'><nd ref='1'/><nd ref='2'/></way><way id='6'><nd ref='3'/><nd ref='4'/></way>"
+    "<relation id='7'><member type='way' ref='5' role='left'/>"
+    "<member type='way' ref='6' role='right'/><tag k='type' v='lanelet'/></relation></osm>"
+)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -874,6 +887,7 @@ def commonroad(height: str) -> str:
         ("a.xml", "<other/>", "of no map format"),
         ("a.geojson", "{}", "no GeoJSON"),
         ("a.osm", "<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>", "left"),
+        ("a.osm", OFFSET_IN_WORDS, "osm: xosc_offset has four numbers: x, y, z and heading"),
         ("a.geojson", "[" * 100_000, "RecursionError"),
         ("a.net.xml", net('index="one"'), "lane: index='one' is no finite number"),
         ("a.net.xml", net('speed="fast"'), "lane: speed='fast' is no finite number"),

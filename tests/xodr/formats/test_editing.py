@@ -5,6 +5,7 @@ earth, ids and links are what they were.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 import xodr
 from schemas.common.array_types import FloatArray
-from schemas.common.errors import Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from tests.runner.matrix_case import road
 from xodr.formats.maps import files as maps
 from xodr.graph.network import RoadNetwork
@@ -125,6 +126,28 @@ def test_a_surface_in_its_own_coordinates_is_refused_by_line(source: Path, tmp_p
     path.write_text(source.read_text().replace("</road>", f"{surface}</road>", 1))
     with pytest.raises(Unsupported, match=r"surface\.xodr:\d+: .*mode='global'"):
         maps.place_map(path, turn=1.0)
+
+
+@pytest.mark.parametrize("work", [lambda path: maps.place_map(path, move=(1.0, 2.0, 3.0)),
+                                  lambda path: maps.join_maps([path, path])])  # fmt: skip
+def test_bounds_that_are_no_numbers_are_refused_by_line(
+    work: Callable[[Path], object], tmp_path: Path
+) -> None:
+    text = (LIBRARY / "narrow_road.xodr").read_text(encoding="utf-8")
+    bounds = '<header west="abc" south="0" east="9" north="9" '
+    path = tmp_path / "a.xodr"
+    path.write_text(text.replace("<header ", bounds, 1), encoding="utf-8")
+    with pytest.raises(InvalidFile, match=r"a\.xodr:3: header: west='abc' is not a number"):
+        work(path)
+
+
+def test_grids_of_heights_that_are_no_numbers_are_refused_by_line(tmp_path: Path) -> None:
+    text = (LIBRARY / "roundabout.xodr").read_text(encoding="utf-8")
+    grid = '<elevationGrid><elevation center="1 x"/></elevationGrid></junction>'
+    path = tmp_path / "a.xodr"
+    path.write_text(text.replace("</junction>", grid, 1), encoding="utf-8")
+    with pytest.raises(InvalidFile, match=r"elevation: center='1 x': numbers are expected"):
+        maps.place_map(path, move=(0.0, 0.0, 3.0))
 
 
 def test_roads_without_heights_and_signals_rise_with_the_map(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from lxml import etree
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
+from schemas.common.terminal.text import finite_number
 from schemas.common.xml import parse
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import TOUCHING, completed
@@ -132,6 +133,8 @@ class _OsmWriter:
 
     def way(self, nodes: tuple[int, ...], tags: dict[str, str]) -> int:
         """Number of the way through nodes, either way round; a mark counts more than none."""
+        # Either way round: neighbours of opposite directions share a way, which each reads from its
+        # own side.
         found = self._ways.get(nodes, self._ways.get(nodes[::-1]))
         if found is None:
             found = self._ways[nodes] = len(self._ways)
@@ -190,6 +193,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         [writer.way(writer.line(side), _WALK) for side in sides_of(area.outline)]
         for area in lane_map.crosswalks
     ]
+    # Last of all that makes nodes: their numbers, which ways have, are those of this order.
     _write_nodes(writer, lane_map)
     offset = len(writer.nodes) + 1
     for number, nodes, tags in writer.ways():
@@ -199,6 +203,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
         for node in nodes:
             etree.SubElement(way, "nd", ref=str(node + 1))
         _add_tags(way, tags)
+    # Ids go on from nodes over ways to relations, so that none is used twice.
     first = offset + len(writer._ways)
     ids = {name: first + number for number, name in enumerate(bounds)}
     first += len(ids)
@@ -246,6 +251,7 @@ def _bounds(
             continue
         ways = [(left, _mark_tags(lane.marks[0][0])), (right, _mark_tags(lane.marks[1][0]))]
         if lane.type in _AREAS:
+            # Where an area narrows to a point, its borders close it themselves.
             closing = [(left[at], right[at]) for at in (-1, 0) if left[at] != right[at]]
             ways += [(nodes, {"type": "virtual"}) for nodes in closing]
         bounds[name] = tuple(writer.way(nodes, tags) for nodes, tags in ways)
@@ -281,6 +287,7 @@ def _joined_ends(
                 np.linalg.norm(getattr(lane, side)[-1] - getattr(other, side)[0])
                 for side in ("left", "right")
             ]
+            # The mean of such ends would bend both lanes by metres.
             if max(gaps) > _GAP:
                 apart += 1
                 continue
@@ -313,6 +320,7 @@ def _with_ends(
         goal = ends.get((*key, at))
         if goal is None:
             continue
+        # A point more, so that a straight border of hundreds of metres does not turn as a whole.
         if np.linalg.norm(goal - moved[at]) > _NEAR and length > 2.0 * _TURNED:
             inner = gone(moved)
             away = _TURNED if at == 0 else inner[-1] - _TURNED
@@ -338,6 +346,7 @@ def _lane_tags(lane: MapLane, name: str) -> dict[str, str]:
         "one_way": "no" if lane.type in _TWO_WAY else "yes", f"participant:{participant}": "yes",
         "lane_type": lane.type, "road_type": lane.road_type, "name": name,
     }  # fmt: skip
+    # Roads are for bicycles too, by Lanelet2's German traffic rules.
     if subtype == "road":
         tags["participant:bicycle"] = "yes"
     if lane.limit is not None:
@@ -397,6 +406,7 @@ def _ranks(lane_map: LaneMap, driven: Collection[str], stops: _Stops) -> Iterato
             ranks.setdefault(high, []).append(low)
     for high, lows in ranks.items():
         roles = [(high, "right_of_way"), *((low, "yield") for low in lows)]
+        # The lanes before those that yield: a stop line lies at their ends.
         waiting = [*lows, *(name for low in lows for name in before[low])]
         lines = _across(stops, waiting)
         yield _Rule({high: None, **dict.fromkeys(lows)}, lines, roles, _RANK)
@@ -472,6 +482,7 @@ def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
             lights.setdefault(light, []).append(one.id)
     signals = []
     for light, names in lights.items():
+        # Where a light has no face: at the end of the first lane that it holds.
         x, y, z = made[names[0]].right[-1].tolist()
         place, heading = found.faces.get(light, ((x, y, z), 0.0))
         what = ("1000001", "-1", "OpenDRIVE", None, "")
@@ -505,10 +516,13 @@ def _heights_beside(points: FloatArray, lanes: Mapping[str, MapLane]) -> FloatAr
 def _own_projection(path: Path) -> tuple[str | None, tuple[float, float, float, float]]:
     root = parse(path).getroot()
     projection = root.get("xosc_projection")
-    numbers = [float(part) for part in root.get("xosc_offset", "0 0 0 0").split()]
-    if len(numbers) != 4:
-        raise InvalidFile("xosc_offset has x, y, z and heading", path=path, line=1, element="osm")
-    return projection, (numbers[0], numbers[1], numbers[2], numbers[3])
+    numbers = [finite_number(part) for part in root.get("xosc_offset", "0 0 0 0").split()]
+    x, y, z, heading = numbers if len(numbers) == 4 else [None] * 4
+    if x is None or y is None or z is None or heading is None:
+        raise InvalidFile(
+            "xosc_offset has four numbers: x, y, z and heading", path=path, line=1, element="osm"
+        )
+    return projection, (x, y, z, heading)
 
 
 def _map_lane(one: Lanelet, surveyed: Mapping[str, tuple[FloatArray, FloatArray]]) -> MapLane:

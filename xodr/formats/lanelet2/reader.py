@@ -83,6 +83,7 @@ def kind_of(relation: Relation) -> LaneletKind | None:
     subtype = tags.get("subtype") or "road"
     own = tags.get("lane_type", "")
     area = tags.get("type") == "multipolygon"
+    # Of an area the subtype says too little: `keepout` was a border or a restricted lane.
     lane_type = own if area and own in LANE_TYPES else _SUBTYPES.get(subtype)
     if lane_type is None:
         return None
@@ -141,6 +142,7 @@ def speed(relation: Relation, name: str, text: str) -> float:
     # A number without a unit is in km/h, as in OpenStreetMap.
     match = _SPEED.fullmatch(text)
     value = float(match[1]) * _UNITS.get((match[2] or "").lower(), 1 / 3.6) if match else 0.0
+    # A limit of 0 would stop all traffic: it is a slip rather than a rule.
     if not 0.0 < value < math.inf:
         raise relation.invalid(f"{name}={text!r} is no speed limit such as '50' or '50 km/h'")
     return value
@@ -177,6 +179,7 @@ def regulations(osm: Osm) -> Regulations:
     users: dict[str, list[str]] = defaultdict(list)
     found = Regulations(users, {}, {}, [], defaultdict(list))
     for relation in osm.relations.values():
+        # First all references: an element says nothing of who refers to it.
         for ref in relation.refs("regulatory_element", "relation"):
             users[ref].append(relation.id)
     for relation in osm.relations.values():
@@ -204,6 +207,7 @@ def _read(found: Regulations, rule: Relation, subtype: str, lanelets: list[str])
             found.limits.update(
                 {name: min(limit, found.limits.get(name, limit)) for name in lanelets}
             )
+        # Without a limit it is listed among what is left out.
         return limit is not None
     # Read by `signs_of`, if there is anything to read.
     if subtype == "traffic_sign":

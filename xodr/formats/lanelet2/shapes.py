@@ -68,6 +68,8 @@ def fit(
     knots = np.concatenate([[first] * 3, grid, [last] * 3])
     count, step = intervals + 3, grid[1] - grid[0]
     control = np.zeros((count, samples.shape[1]))
+    # The outer two control points at each end are fixed by value and slope there; the others are
+    # fitted.
     control[0], control[-1] = ends
     control[1], control[-2] = ends[0] + slopes[0] * step / 3, ends[1] - slopes[1] * step / 3
     if intervals > 1:
@@ -174,6 +176,8 @@ def mouths(borders: Borders) -> dict[End, Mouth]:
     layout = borders.layout
     by_end: dict[End, Mouth] = {}
     for joint in layout.joints:
+        # Where several roads end and several begin, none is the owner: the line is half-way between
+        # all.
         owner = _owner(layout, joint)
         frame = _meeting(borders, joint) if owner is None else _cut(borders, owner)
         edges = (
@@ -196,6 +200,8 @@ def mouths(borders: Borders) -> dict[End, Mouth]:
             by_end[end] = Mouth(frame, tuple(_edges(borders, end, frame, partner)))
         if joint.plain and owner:
             other = (joint.beginning[0], False) if owner[1] else (joint.ending[0], True)
+            # Two roads in a row have one reference line: a step in it is a break that readers
+            # refuse.
             if abs(by_end[other].t - by_end[owner].t) > _LEVEL:
                 by_end[other] = by_end[other]._replace(centre=by_end[owner].t)
     for number in range(len(layout.bundles)):
@@ -212,6 +218,7 @@ def _owner(layout: Layout, joint: Joint) -> End | None:
         for side, at_end in ((joint.ending, True), (joint.beginning, False))
         if len(side) == 1
     ]
+    # A road outside the junction before a way through it: the way fits itself to the road.
     return min(alone, key=lambda end: layout.bundles[end[0]].inside, default=None)
 
 
@@ -245,6 +252,7 @@ def _cut(borders: Borders, end: End) -> CrossLine:
     corners = _corners(borders, end, _across(borders, end))
     shift = max(-corners.min(), 0.0) if end[1] else max(corners.max(), 0.0)
     total = lengths(line)[-1]
+    # Ends that are far from abreast would cut a short road away.
     shift = min(shift, _MOST_CUT * total)
     rest = points_at(
         line, np.linspace(0.0, total - shift, 65) if end[1] else np.linspace(shift, total, 65)
@@ -305,6 +313,7 @@ def _shared_edges(
         if (right := ((key[0][0], key[0][1] + 1), key[1])) in own
     ]
     for one, other in pairs:
+        # Sets that grow together: edges that are shared through any chain of lanes.
         both = alike[one] | alike[other]
         alike |= dict.fromkeys(both, both)
     shared_edges: dict[_Lane, tuple[BorderCrossing, BorderCrossing]] = {}
@@ -457,12 +466,14 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PP
         [(math.cos(mouth.frame.heading), math.sin(mouth.frame.heading)) for mouth in (start, end)]
     )
     candidates = []
+    # The coarsest first: each further piece follows what noise the samples have.
     for intervals in _doubled(at[-1] / _SHORTEST_BEND):
         line = fit(at, samples, ends, slopes, intervals)
         away = float(np.hypot(*(line(at) - samples).T).max())
         sharp = float(np.abs(_curvatures(line, at) * half).max())
         if sharp <= _SHARPEST and away <= LINE_TOLERANCE:
             return line
+        # Within both limits all are alike, so that of those the fewest pieces win.
         candidates.append((max(sharp, _SHARPEST), max(away, LINE_TOLERANCE), intervals, line))
     return min(candidates, key=lambda candidate: candidate[:3])[3]
 
@@ -502,6 +513,7 @@ def _arc_lengths(line: PPoly, at: FloatArray | None = None) -> FloatArray:
     ends = np.concatenate([[line.x[0]], grid])
     half = np.diff(ends)[:, None] / 2
     places = ends[:-1, None] + half * (1 + _NODES)
+    # By Gauss's rule on each piece: arc lengths of cubics have no closed form.
     speeds = np.hypot(*line(places.ravel(), 1).T).reshape(places.shape)
     return np.cumsum((half * speeds) @ _WEIGHTS)
 
@@ -541,6 +553,7 @@ def _pieces(line: PPoly, s: FloatArray) -> list[CubicPiece]:
     pieces = []
     for index, piece in enumerate(_by_power(line)):
         scaled = piece * (line.x[index + 1] - line.x[index]) ** np.arange(4)[:, None]
+        # The frame is that of the start, so both offsets there are 0, and v has no slope.
         scaled[0] = 0.0
         direction = scaled[1] / np.hypot(*scaled[1])
         u = scaled @ direction

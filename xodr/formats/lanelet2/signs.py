@@ -61,6 +61,7 @@ def element_tags(sign: MapSignal) -> dict[str, str]:
 
 
 def _code(sign: MapSignal) -> str:
+    # Lanelet2 has two letters; `OpenDRIVE` as a country is none.
     country = sign.country.lower() if len(sign.country) == 2 else ""
     subtype = "" if sign.subtype in _NO_SUBTYPE else f"-{sign.subtype}"
     return f"{country}{sign.type}{subtype}"
@@ -108,6 +109,7 @@ def face_lines(
     for ref in rule.refs("refers", "way"):
         way = osm.ways[ref]
         line = np.array([(*points[node], osm.nodes[node].height) for node in way.nodes])
+        # A face of one place looks nowhere.
         if len(line) > 1 and np.hypot(*(line[-1] - line[0])[:2]) > 0.0:
             lines.append((line, way.tags.get("subtype", "")))
     return lines
@@ -151,6 +153,7 @@ def _meaning(rule: Relation, subtype: str) -> tuple[str, str, str, float | None,
     value = finite_number(text) if text is not None else None
     if text is not None and value is None:
         raise rule.invalid(f"{_PREFIX}value={text!r} is no finite number")
+    # Written by this project: exact, where a code is a guess.
     if own["type"]:
         return own["type"], own["subtype"], own["country"], value, own["unit"]
     code = rule.tags.get("sign_type") or subtype

@@ -73,6 +73,7 @@ class MapLane:
     @cached_property
     def centre(self) -> Points:
         """The line in the middle, (n, 3), m."""
+        # Then points lie abreast as a rule, and the middle keeps each bend.
         if len(self.left) == len(self.right):
             return 0.5 * (self.left + self.right)
         return 0.5 * (resampled(self.left, _MIDDLE) + resampled(self.right, _MIDDLE))
@@ -187,6 +188,7 @@ def of_network(network: RoadNetwork) -> LaneMap:
         )
         for key, lanelet in lanelets(network).items()
     }  # fmt: skip
+    # A map has one rule here: that of most of its roads.
     rules = [road.rule for road in network.roads.values()]
     left_hand = rules.count("LHT") > len(rules) / 2
     areas, notes = with_area(
@@ -245,6 +247,7 @@ def _priorities(network: RoadNetwork, lanes: dict[str, MapLane]) -> list[tuple[s
     """The pairs of lanes that lead on of each two roads that a junction ranks."""
     on: dict[str, list[str]] = defaultdict(list)
     for name, lane in lanes.items():
+        # Lanes that lead nowhere have nobody to let go first.
         if lane.type != "none" and lane.successors:
             on[name.split("/")[0]].append(name)
     pairs = (pair for junction in network.junctions.values() for pair in junction.priorities)
@@ -300,6 +303,7 @@ def _marked_stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane]) -> It
 
 def _ends(points: Points) -> list[int]:
     """The two of points along a line that are farthest apart."""
+    # Of all pairs: outlines of degenerate lines have their corners in any order.
     away = np.hypot(*(points[:, None, :2] - points[None, :, :2]).T)
     return list(map(int, np.unravel_index(int(np.argmax(away)), away.shape)))
 
@@ -462,6 +466,7 @@ def shifted(line: FloatArray, aside: FloatArray | float) -> FloatArray:
     before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])
     mean = before + after
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
+    # Twice as far at most: at a hairpin a mitre would shoot off to infinity.
     stretch = 1.0 / np.maximum(np.einsum("ij,ij->i", mean, after), 0.5)
     moved = line.copy()
     moved[:, :2] += mean * (stretch * aside)[:, None]

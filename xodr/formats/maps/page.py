@@ -74,6 +74,7 @@ def write_page(
         "findings": [[round(x, 2), round(y, 2), text] for x, y, text in findings],
         "colours": COLOURS,
     }
+    # Names of maps come from files: `</script>` in one would end the script.
     data = json.dumps(content, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     types = sorted({lane.type for lane in one.lanes.values()})
     legend = "".join(

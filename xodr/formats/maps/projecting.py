@@ -29,6 +29,7 @@ class Projector:
         import pyproj
 
         try:
+            # What a map names, as grids of a projection, may not be read from this disk.
             crs = pyproj.CRS.from_user_input(without_files(projection, Path("map")))
             self._transformer = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         except pyproj.exceptions.ProjError as error:
@@ -45,6 +46,7 @@ class Projector:
 
     def to_geodetic(self, line: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Longitude and latitude (degrees) and height (m) of points (n, 3)."""
+        # OpenDRIVE's offset: first the turn, then the move.
         easting = self._x + self._cos * line[:, 0] - self._sin * line[:, 1]
         northing = self._y + self._sin * line[:, 0] + self._cos * line[:, 1]
         longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")

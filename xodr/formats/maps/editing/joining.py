@@ -19,7 +19,7 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from schemas.common.policy import scratch
 from xodr.formats.maps.editing.placing import MapMotion, best_motion, bounds, move, places
-from xodr.formats.maps.editing.tree import EditedRoads
+from xodr.formats.maps.editing.tree import EditedRoads, number
 from xodr.formats.maps.projecting import Projector
 from xodr.graph.network import RoadNetwork
 from xodr.graph.ways import DRIVABLE
@@ -80,7 +80,7 @@ def join(paths: Sequence[Path], within: float = 0.05) -> tuple[bytes, list[str]]
         notes += other.remarks
         notes += _align(other, base)
         notes += _rename(other, base)
-        notes += _merge_headers(base.root, other)
+        notes += _merge_headers(base, other)
         for child in other.root:
             if child.tag != "header":
                 base.root.append(deepcopy(child))
@@ -161,8 +161,8 @@ def _replace(
             element.set("elementId", names[name])
 
 
-def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
-    one, two = root.find("header"), other.root.find("header")
+def _merge_headers(base: EditedRoads, other: EditedRoads) -> Iterator[str]:
+    one, two = base.root.find("header"), other.root.find("header")
     assert one is not None and two is not None  # loading refuses files without
     minor = [int(header.get("revMinor", "0")) for header in (one, two)]
     if minor[0] != minor[1]:
@@ -172,7 +172,10 @@ def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
             "the newer is declared"
         )
     names = ("west", "south", "east", "north")
-    boxes = [[float(header.get(name, "0")) for name in names] for header in (one, two)]
+    boxes = [
+        [number(header, name, file.path) for name in names]
+        for header, file in ((one, base), (two, other))
+    ]
     if all(any(box) for box in boxes):
         corners = [corner for box in boxes for corner in ((box[0], box[1]), (box[2], box[3]))]
         for name, value in zip(names, bounds(corners), strict=True):

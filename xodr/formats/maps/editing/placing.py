@@ -16,9 +16,10 @@ import numpy as np
 from lxml import etree
 
 from schemas.common.array_types import FloatArray
-from schemas.common.errors import Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.terminal.text import finite_number
 from schemas.common.xml import line_of
-from xodr.formats.maps.editing.tree import EditedRoads
+from xodr.formats.maps.editing.tree import EditedRoads, number
 from xodr.formats.maps.projecting import Projector
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import sample, stations
@@ -176,21 +177,22 @@ def move(file: EditedRoads, motion: MapMotion) -> list[str]:
                 path=file.path, line=line_of(surface),
             )  # fmt: skip
     for element in (*root.iterfind(".//planView/geometry"), *root.iter("positionInertial")):
-        x, y = motion.place(float(element.get("x", "0")), float(element.get("y", "0")))
+        x, y = motion.place(*(number(element, name, file.path) for name in ("x", "y")))
         element.set("x", repr(x))
         element.set("y", repr(y))
-        element.set("hdg", repr(float(element.get("hdg", "0")) + motion.turn))
+        element.set("hdg", repr(number(element, "hdg", file.path) + motion.turn))
     if motion.z:
-        _raise(root, motion.z)
-    return list(_bounds(root, motion))
+        _raise(file, motion.z)
+    return list(_bounds(file, motion))
 
 
-def _raise(root: etree._Element, z: float) -> None:
+def _raise(file: EditedRoads, z: float) -> None:
+    root, path = file.root, file.path
     for element in root.iter("positionInertial"):
-        element.set("z", repr(float(element.get("z", "0")) + z))
+        element.set("z", repr(number(element, "z", path) + z))
     for road in root.iterfind("road"):
         records = road.findall("elevationProfile/elevation")
-        if not records or float(records[0].get("s", "0")) > 0.0:
+        if not records or number(records[0], "s", path) > 0.0:
             profile = road.find("elevationProfile")
             if profile is None:
                 profile = etree.Element("elevationProfile")
@@ -201,20 +203,25 @@ def _raise(root: etree._Element, z: float) -> None:
             profile.insert(0, first)
             records.insert(0, first)
         for record in records:
-            record.set("a", repr(float(record.get("a", "0")) + z))
+            record.set("a", repr(number(record, "a", path) + z))
     for grid in root.iterfind("junction/elevationGrid/elevation"):
         for name in set(grid.attrib) & {"left", "center", "right"}:
-            heights = (float(part) + z for part in grid.get(name, "").split())
-            grid.set(name, " ".join(map(repr, heights)))
+            heights = [finite_number(part) for part in grid.get(name, "").split()]
+            if None in heights:
+                raise InvalidFile(
+                    f"{name}={grid.get(name)!r}: numbers are expected",
+                    path=path, line=line_of(grid), element="elevation",
+                )  # fmt: skip
+            grid.set(name, " ".join(repr(height + z) for height in heights if height is not None))
 
 
-def _bounds(root: etree._Element, motion: MapMotion) -> Iterator[str]:
+def _bounds(file: EditedRoads, motion: MapMotion) -> Iterator[str]:
     """Bounds of the header: those of the old ones' moved corners."""
-    header = root.find("header")
+    header = file.root.find("header")
     names = ("west", "south", "east", "north")
     if header is None or any(header.get(name) is None for name in names):
         return
-    west, south, east, north = (float(header.get(name, "0")) for name in names)
+    west, south, east, north = (number(header, name, file.path) for name in names)
     if west == east == south == north == 0.0:  # many files leave them at 0
         return
     corners = [motion.place(x, y) for x in (west, east) for y in (south, north)]

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from lxml import etree
 
+from schemas.common.errors import InvalidFile
 from schemas.common.remarks import Remark
 from schemas.common.xml import local_name, parse
-from xodr.reader import load
+from xodr.reader import elements, load
 from xodr.reader.repairs import repair
 
 
@@ -64,6 +65,19 @@ def _rename(root: etree._Element, namespace: str | None) -> None:
     for element in root.iter("{*}*"):
         name = local_name(element)
         element.tag = name if namespace is None else f"{{{namespace}}}{name}"
+
+
+def number(element: etree._Element, name: str, path: Path, default: float = 0.0) -> float:
+    """An attribute as a finite number, of elements that loading does not read.
+
+    Raises:
+        InvalidFile: it is none; names file, line and element.
+    """
+    try:
+        return elements.number(element, name, default)
+    except InvalidFile as error:
+        error.path = str(path)
+        raise
 
 
 def remove(element: etree._Element) -> None:
