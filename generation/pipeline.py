@@ -308,6 +308,7 @@ def write_draws(
     path = out / f"{scenario.stem}_draws.csv"
     if path.exists() and not settings.overwrite:
         raise UsageError("this file is there already: --overwrite replaces it", path=path)
+    # By the search's own generator: the first draws are those that it starts with.
     theta = _sampled(asked, count)
     sets, densities = asked.space.sets(theta), asked.prior.log_density(theta).tolist()
     table = StringIO(newline="")
@@ -362,6 +363,8 @@ class _Asked(NamedTuple):
         if settings.until is not None:  # say so before the budget is spent
             if settings.plays == 0:
                 raise UsageError("--until draws in arrays: it can't go with --plays 0")
+            # Made for its refusal alone, before hours are spent on a budget that --until can't
+            # follow.
             ArrayPlays(scenario, space, settings.run, settings.rss)
         source = recorded(space)
         real = source.within(space)
@@ -399,6 +402,7 @@ class _Work:
         self._found, self._interim, self._drawing = found, interim, drawing
         self._progress = progress
         scenario, space, settings = asked.scenario, asked.space, asked.settings
+        # Four files: what each run was made for decides what it may bound. A guided run is no draw.
         self._runs, self._draws, self._more, self._refuting = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind))
             for kind in ("runs", "draws", "estimate", "until")
@@ -421,6 +425,7 @@ class _Work:
         self._screen, self._measured = timed, timed.played if timed is not None else 0
         judges = clock.limited(counted_drivers(self._drivers, progress))
         self._judges = judges_of(settings.judges, settings.domain)
+        # Plays give the verdicts of judges as well; without them judges have to run.
         self._judging = None if timed is not None else Judging(space, judges, self._judges)
         self.course = _Course(
             counted(self._runs, progress),
@@ -455,6 +460,7 @@ class _Work:
         asked, settings = self._asked, self._asked.settings
         theta = _sampled(asked, drawn_of(settings.budget))
         draw, parts = counted(self._draws, self._progress), list[Outcomes]()
+        # In parts: a slow simulator may leave no time for the search itself.
         for part in self._clock.parts(theta, _DRAWN_UNTIL):
             parts.append(draw(part))
             if _all_errors(parts):
@@ -475,12 +481,14 @@ class _Work:
         reward, space = asked.reward, asked.space
         sought, drawings = runs.episodes(reward), draws.episodes(reward)
         every = Episodes.joined([sought, drawings])
+        # Only at the end: an interim result has no use for it, and its runs are the dearest.
         rate = self._rate(every) if settings.estimate and ended and not cut else None
         unestimated = settings.estimate and ended and rate is None
         estimates = self._more.episodes(reward)
         bound = self._bound(every, cut or unestimated) if ended else None
         against = self._refuting.episodes(reward)
         every = Episodes.joined([every, estimates, against])
+        # After estimate and bound, whose runs may fail too and are cases like others.
         cases, files = self._written(every, rate, cut or unestimated)
         statement = _statement(
             space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
@@ -546,6 +554,8 @@ class _Work:
         asked, settings = self._asked, self._asked.settings
         most = self._clock.most(settings.choice.most, self._evaluator.calls, cut, settings.repeat)
         choice = replace(settings.choice, most=most)
+        # A refused density calls nothing foreseeable: without a judge of it there are no edge
+        # cases.
         judged = asked.prior.judged if self._gate.refusal is None else asked.prior.unjudged
         cases = choose(
             asked.space,
@@ -661,6 +671,7 @@ def domain_of(scenario: Path, space: Space, recorded: Recorded, settings: Search
 def drawn_of(budget: int) -> int:
     """Number of unguided draws in a budget of runs."""
     least, share = _DRAWN
+    # Of small budgets half at most: the least number alone would leave no run for the method.
     return min(max(least, int(share * budget)), budget // 2)
 
 
@@ -685,6 +696,7 @@ def _gate(
         some = len(unrecorded) < len(space.names)
         return Gate(None, drawn, unrecorded=unrecorded if some else ()), None
     (own, units), generator = replays, np.random.default_rng(0)
+    # In any order but the file's: the first units may all be of one recording.
     units = units[generator.permutation(len(units))]
     # Without pinned parameters the units are points of the space itself.
     replaying = plays if own.names == space.names else _plays(scenario, own, settings)
@@ -730,6 +742,7 @@ def _played_gate(
     settings = asked.settings
     number = int(min(_PLAYED * settings.budget, _MOST_PLAYED, _most_plays(plays, settings) / 4))
     units = units[:number]
+    # In the units' own space: pinned values would set draws and recordings apart.
     draws = asked.source.prior(own, settings.density).sample(number, generator)
     timed, until = TimedPlays(plays, clock, 2 * number), clock.left * (1.0 - _GATED)
     replayed, drawn = list[Outcomes](), list[Outcomes]()
@@ -751,6 +764,7 @@ def _played_gate(
     share, unprevented = replay_shares(units[: len(outcomes)], outcomes, plays)
     found = joined(drawn)
     gate, draws = Gate(share, Share.of(found), unprevented, True), draws[: len(found)]
+    # Draws of another space bound nothing in that of the search.
     if own.names != asked.space.names or own.pinned != asked.space.pinned:
         return gate, None
     # Outside of the domain nothing is foreseeable, and no draw of the search is.
@@ -875,6 +889,7 @@ def _runs_file(
 ) -> Path:
     """The file of the runs of a kind, another one for everything that decides what a run gives."""
     given = inputs(scenario, settings.run, space.pinned, (*OURS, "generation.search.outcomes"))
+    # Not seed, method or budget: a search with others goes on with the same runs.
     deciding = (given, settings.rss, space.names, sorted(space.pinned.items()))
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
@@ -885,6 +900,7 @@ def _drivers(
     """Reference drivers; what judges drive is kept in the folder, as the runs are."""
 
     def kept(judge: str) -> Memory:
+        # Runs of a judge are as good for every system under test.
         own = replace(settings, run=replace(settings.run, sut=judge))
         path = _runs_file(scenario, space, out, own, f"judge_{judge}")
         return Memory(partial(evaluator, sut=judge), path)
@@ -917,13 +933,7 @@ def space_of(scenario: Path, settings: SearchSettings) -> Space:
     Raises:
         UsageError, Unsupported: the scenario can't be searched. InvalidFile: it is malformed.
     """
-    return Space.of(
-        scenario,
-        settings.pinned,
-        settings.free,
-        ranges=settings.marginals,
-        default=settings.default,
-    )
+    return Space.of(scenario, settings)
 
 
 def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
@@ -972,9 +982,12 @@ def _write(
 ) -> list[Path]:
     """Write the estimate, and the files of edge cases in the place of those of a search before."""
     if rate is not None:
-        of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
+        # By name: a system may be an object, which JSON has not.
+        sut = system_name(settings.run.sut)
+        of = {"scenario": scenario.name, "sut": sut, "pinned": dict(space.pinned)}
         write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
     written = Written(out, scenario.stem)
+    # Before the new ones: cases that are none any more would stay beside them.
     written.withdraw(settings.overwrite)
     files: list[Path] = []
     if len(cases):

@@ -160,21 +160,15 @@ def xosc_generate(
 def _searches(
     source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None
 ) -> Iterator[Search]:
-    from generation.search.variations import asked_of, with_literals
+    from generation.search.variations import asked_of, freed, with_literals
     from generation.space.recorded import of_catalogue
 
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
     if not source.is_dir():
-        ask, scenario = with_literals(ask, source, out / "source", settings.overwrite)
-        asked = asked_of(ask, scenario)
-        what = replace(
-            settings,
-            pinned=asked.pinned,
-            free=asked.free,
-            marginals=asked.marginals,
-            default=asked.default,
-        )
+        ask, path = with_literals(ask, source, out / "source", settings.overwrite)
+        asked = asked_of(ask, path)
+        what = replace(settings, **vars(asked.choice))
         yield Search(asked.scenario, asked.recorded, out, what, against)
         return
     if ask.recordings is not None or ask.kind is not None or ask.maps:
@@ -189,14 +183,18 @@ def _searches(
             "this folder or those in it; single files can be named",
             path=source,
         )
-    for each in catalogue:
-        what, name = (
-            replace(settings, pinned=ask.pinned, free=tuple(ask.free)),
-            each.path.parent.name,
+    free, ranges = freed(ask.free)
+    if ranges:
+        raise UsageError(
+            f"--free {next(iter(ranges))}=LOW..HIGH is for single scenarios: a catalogue has "
+            "recorded values, within the limits that its scenarios declare; --free NAME searches "
+            "a parameter by these"
         )
+    for scenario in catalogue:
+        what, name = replace(settings, pinned=ask.pinned, free=free), scenario.path.parent.name
         yield Search(
-            each.path,
-            partial(_own_or_shipped, each),
+            scenario.path,
+            partial(_own_or_shipped, scenario),
             out / name,
             what,
             against / name if against is not None else None,

@@ -327,9 +327,7 @@ def _of_input(
         if asking == Ask() and xosc.load(path).kind == "scenario":
             return of_scenario(path, own, name, name)
         asked = asked_of(asking, path)
-        space = Space.of(
-            asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-        )
+        space = Space.of(asked.scenario, asked.choice)
         recorded = asked.recorded(space)
         count = len(recorded.within(space).theta)
         if count < LEAST:

@@ -325,7 +325,7 @@ class _Loop:
         # With the pinned values, since a road or catalogue of the scenario may be named by a
         # parameter.
         scenario = played(
-            target.scenario, self._settings.run, asked.pinned if asked is not None else {}
+            target.scenario, self._settings.run, asked.choice.pinned if asked is not None else {}
         )
         # The variation file as well: it states limits and densities that its scenario has not.
         own = [

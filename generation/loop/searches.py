@@ -158,16 +158,7 @@ def search(
 
 def settings_of(target: SearchTarget, settings: SearchSettings) -> SearchSettings:
     """Settings of a search, with what was asked for of a target."""
-    asked = target.asked
-    if asked is None:
-        return settings
-    return replace(
-        settings,
-        pinned=asked.pinned,
-        free=asked.free,
-        marginals=asked.marginals,
-        default=asked.default,
-    )
+    return settings if target.asked is None else replace(settings, **vars(target.asked.choice))
 
 
 def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
@@ -418,7 +409,7 @@ def _compared(
         case.file: fate for case, fate in zip(failures, made.found, strict=True) if fate is not None
     }
     new = [file for file, fate in fates.items() if fate is Fate.NEW]
-    others = {file: fate for file, fate in fates.items() if fate is not Fate.NEW}
+    others: dict[str, Fate] = {file: fate for file, fate in fates.items() if fate is not Fate.NEW}
     reason = _NOTHING_BEFORE if then and all(search.in_vain for search in then) else ""
     return Compared(
         target=target.name, title=target.title, reason=reason, before=known, new=new, others=others

@@ -6,21 +6,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from generation.search.methods import DEFAULT as METHOD
 from generation.search.methods import offered
+from generation.space import SpaceChoice
 from generation.space.density.models import JUDGE, UNIFORM, models
 from generation.space.density.roles import ROLES
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError, guess
 from schemas.common.policy import current
 from schemas.common.terminal.options import completed, option, part
-
-if TYPE_CHECKING:
-    from generation.space.density.marginals import Marginal
 
 _OPTIONS = {"recordings": "recorded", "pinned": "pin", "maps": "map"}
 _DECIDE_NOTHING = ("run", "processes", "ask", "against", "overwrite")
@@ -83,8 +81,8 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class SearchSettings:
-    """Settings of a search.
+class SearchSettings(SpaceChoice):
+    """Settings of a search, with those of `generation.space.SpaceChoice`: parameters to search.
 
     Attributes:
         run: how scenarios are run, with the system under test; `seed` is that of the search.
@@ -97,11 +95,6 @@ class SearchSettings:
         processes: how many runs at a time.
         ray: address of a Ray cluster that does the runs, or `local`; None for processes on this
             machine.
-        pinned: values of parameters that are not searched.
-        free: names of parameters to search besides the default ones.
-        marginals: densities, and ranges, of parameters to search besides.
-        default: whether to search what is searched by default; otherwise only what is free or has a
-            range.
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
@@ -151,10 +144,6 @@ class SearchSettings:
         metavar="ADDRESS",
         shared=True,
     )
-    pinned: Mapping[str, str] = field(default_factory=dict)
-    free: Sequence[str] = ()
-    marginals: Mapping[str, Marginal] = field(default_factory=dict)
-    default: bool = True
     choice: Choice = part(Choice)
     concrete: bool = option(
         False, "Write each edge case as a scenario of its own too.", "--concrete"

@@ -24,6 +24,7 @@ from lxml import etree
 import xosc
 from generation.search.outcomes import Cases
 from generation.search.settings import Ask
+from generation.space import SpaceChoice
 from generation.space.density.base import Density
 from generation.space.density.marginals import Choices, Marginal, categories, marginal, uniform
 from generation.space.density.models import UNIFORM
@@ -203,6 +204,7 @@ class Writer:
         lost.
         """
         drawn = density.sample(_DRAWS, np.random.default_rng(seed))
+        # Draws beyond the box would stretch the histograms over values that the scenario refuses.
         drawn = drawn[((drawn >= self._space.low) & (drawn <= self._space.high)).all(axis=1)]
         single = tuple(
             StochasticDistribution(parameter.name, self._single(parameter, drawn[:, column]))
@@ -294,6 +296,8 @@ class Written:
         found = [
             path for pattern in _WRITTEN for path in self._folder.glob(pattern.format(self._stem))
         ]
+        # A search without cases leaves no notes, unless they have to say that files of before are
+        # gone.
         if found or self._notes.exists():
             write_object(
                 {path.name: digest(path.read_bytes()) for path in sorted(found)}, self._notes
@@ -318,6 +322,7 @@ def _take_varied_roads(
     its values; none where no searched parameter names the road."""
     logic, copies = logic_file(document.node), dict[str, str]()
     name = "" if logic is None else logic.get("filepath").removeprefix("$")
+    # Names of roads are words, which a search has as categories: all of them are known.
     for texts in (texts for coded in space.follows.values() for texts in coded.values()):
         if name in texts and texts[name] not in copies:
             one = copied(document)
@@ -389,6 +394,7 @@ def varied(path: Path) -> Varied | None:
             of = marginal(variation.distribution, variation.parameter_name)
         except UsageError as error:
             raise UsageError(f"{variation.parameter_name}: {error.message}", path=path) from None
+        # One value: nothing to search, but the scenario's own default is not what the file says.
         if isinstance(of, str):
             found.pinned[variation.parameter_name] = of
         else:
@@ -408,6 +414,7 @@ def _add_sets(found: Varied, sets: Sequence[Mapping[str, str]], path: Path) -> N
             values = [float(assignment[name]) for assignment in sets]
         except (KeyError, ValueError):
             continue
+        # As a number it has an order and distances, which codes have not.
         if len(values) > 1 and len(set(values)) == len(values) and np.isfinite(values).all():
             rest = [
                 {other: text for other, text in assignment.items() if other != name}
@@ -419,6 +426,7 @@ def _add_sets(found: Varied, sets: Sequence[Mapping[str, str]], path: Path) -> N
             )
             return
     codes = categories(sets, [1.0] * len(sets))
+    # All sets are equal: they pin their parameters.
     if codes is None:
         found.pinned.update(sets[0])
         return
@@ -492,9 +500,11 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
     """
     literals = [text for text in ask.free if _LITERAL.match(text)]
     of_system = [text for text in ask.free if _OF_SYSTEM.match(text)]
+    # The scenario itself is searched: a copy would only have another name.
     if not literals and not of_system:
         return ask, path
     document = copied(xosc.load(path))
+    # A parameter that the file declares itself keeps its limits and its default.
     known = {each.get("name") for each in document.node.iter("ParameterDeclaration")}
     of_system = [text for text in of_system if text.partition("=")[0] not in known]
     literals += of_system
@@ -513,6 +523,7 @@ def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -
     free = [text for text in ask.free if text not in literals]
     for text in literals:
         where, _, limits = text.partition("=")
+        # Of a system's parameter the file has no value: the lower limit stands for one.
         name, value = where, limits.partition("..")[0]
         if text not in of_system:
             name, value = _declared(document.node, where, path)
@@ -534,6 +545,7 @@ def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
     """Put a reference in the place of a literal; the name of its parameter, and its value."""
     line, _, attribute = where.partition("@")
     found = [node for node in root.iter() if node.line == int(line) and node.has(attribute)]
+    # Several elements may stand in one line, and one attribute in two of them.
     if len(found) != 1:
         raise UsageError(
             f"--free {where}: {len(found) or 'no'} elements of this line have the "
@@ -551,6 +563,7 @@ def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
         raise UsageError(
             f"--free {where}: {attribute} is {value!r}, not a number{hint}", path=path
         ) from None
+    # A name that tells the place, for rules and tables that have nothing else.
     name = f"{found[0].tag}_{attribute}_{line}"
     found[0].element.set(attribute, f"${name}")
     return name, value
@@ -579,6 +592,7 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
             raise UsageError(
                 f"--map {text!r}: recordings have no role {role!r}; roles: {', '.join(ROLES)}"
             )
+        # Two parameters of one role would get the same recorded values, and never differ.
         if role in (known.role for known in roles.values()):
             raise UsageError(f"--map {text!r}: another parameter has the role {role}")
         roles[name] = Role(EGO, role, scale)
@@ -591,15 +605,12 @@ class Asked(NamedTuple):
     Attributes:
         scenario: the file to search.
         recorded: gives what is recorded of the parameters of its space, or stated in its place.
-        pinned, free, marginals, default: see `generation.search.settings.SearchSettings`.
+        choice: parameters to search.
     """
 
     scenario: Path
     recorded: Callable[[Space], Recorded]
-    pinned: Mapping[str, str]
-    free: tuple[str, ...]
-    marginals: Mapping[str, Marginal]
-    default: bool
+    choice: SpaceChoice
 
 
 def asked_of(ask: Ask, path: Path) -> Asked:
@@ -621,6 +632,7 @@ def asked_of(ask: Ask, path: Path) -> Asked:
             "it gives each parameter one value, which leaves nothing to search", scenario, path
         )
     _refuse_undeclared(scenario, roles)
+    # What is said on the command line wins over the file.
     stated = {**(variation.marginals if variation is not None else {}), **ranges}
     marginals = {name: marginal for name, marginal in stated.items() if name not in ask.pinned}
     pinned = {**(variation.pinned if variation is not None else {}), **ask.pinned}
@@ -632,20 +644,24 @@ def asked_of(ask: Ask, path: Path) -> Asked:
             of_recordings(ask.recordings, ask.kind or kind_of(scenario)),
             ask.recordings is None,
         )
+        # A file, or a role, says what is to be searched: nothing is added by itself.
         default = variation is None and not roles
         named = (*free, *(name for name in roles if name not in marginals))
         recorded = partial(
             of_samples, samples, mapped=roles, marginals=marginals, simulated=simulated
         )
-        return Asked(scenario, recorded, pinned, named, marginals, default)
+        choice = SpaceChoice(pinned=pinned, free=named, marginals=marginals, default=default)
+        return Asked(scenario, recorded, choice)
     default = variation is None and not ranges
-    return Asked(scenario, partial(of_statements, marginals), pinned, free, marginals, default)
+    choice = SpaceChoice(pinned=pinned, free=free, marginals=marginals, default=default)
+    return Asked(scenario, partial(of_statements, marginals), choice)
 
 
 def _is_recorded(ask: Ask, scenario: Path, variation: bool, stated: bool) -> bool:
     """Whether recordings provide the density."""
     if ask.density == UNIFORM:
         return False
+    # Each of these names recordings; without them the scenario's name has to.
     if ask.kind is not None or ask.recordings is not None or ask.maps:
         return True
     try:

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 import xosc
+from generation.space import SpaceChoice
 from generation.space.density.roles import NUISANCES, ON_REQUEST, roles_of
 from recognition.labels.maneuvers.parameters import DECLARED, Parameter
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -41,6 +41,7 @@ _MOST_WHOLE = 100_000
 """Whole numbers that a range may hold: they are listed"""
 _LISTED = 6
 """Parameters that a message names at most"""
+_BY_DEFAULT = SpaceChoice()
 
 
 @dataclass(frozen=True)
@@ -174,11 +175,8 @@ class Space:
     def of(
         cls,
         scenario: str | PathLike[str],
-        pinned: Mapping[str, str] | None = None,
-        free: Sequence[str] = (),
+        choice: SpaceChoice = _BY_DEFAULT,
         ego: str = "Ego",
-        ranges: Mapping[str, Marginal] = MappingProxyType({}),
-        default: bool = True,
     ) -> Space:
         """The space of a logical scenario: its double parameters that have a lower and an upper
         limit.
@@ -190,13 +188,8 @@ class Space:
 
         Args:
             scenario: the file.
-            pinned: values of parameters that are not to be searched, or that are to differ from
-                their defaults.
-            free: names of parameters to search besides.
+            choice: what to search of it, and what to pin.
             ego: name of the ego.
-            ranges: limits of parameters to search besides, in the place of those that are declared.
-            default: whether to search what is searched by default; otherwise only what is free or
-                has a range.
 
         Raises:
             UsageError: a name is not declared, a free one has no limits or is pinned as well, a
@@ -205,9 +198,9 @@ class Space:
             Unsupported: the values allowed to a searched parameter are not one interval.
             InvalidFile: the file is malformed, or a pinned value violates its constraints.
         """
-        choice = _ParameterChoice(scenario, dict(pinned or {}), free, ranges)
-        names = choice.searched(ego, default)
-        follows = choice.follows(names)
+        declared = _DeclaredParameters(scenario, choice)
+        names = declared.searched(ego)
+        follows = declared.follows(names)
         # Parameters that follow a category have its values: their declared ones are not pinned.
         following = {
             name
@@ -217,20 +210,20 @@ class Space:
             if name != first
         }
         return cls(
-            tuple(choice.side(name) for name in names),
+            tuple(declared.side(name) for name in names),
             {
                 name: value
-                for name, value in choice.literals.items()
+                for name, value in declared.literals.items()
                 if name not in names and name not in following
             },
-            choice.values(names),
+            declared.values(names),
             follows,
             # Declared limits make the box; ranges of the user may leave what the constraints allow.
-            partial(_admits, list(choice.declared.values())) if ranges else None,
+            partial(_admits, list(declared.declared.values())) if choice.marginals else None,
         )
 
 
-class _ParameterChoice:
+class _DeclaredParameters:
     """Declarations of a scenario, and those of them that are pinned, free, or have a range.
 
     Args: see `Space.of`.
@@ -242,28 +235,27 @@ class _ParameterChoice:
     def __init__(
         self,
         scenario: str | PathLike[str],
-        pinned: Mapping[str, str],
-        free: Sequence[str],
-        ranges: Mapping[str, Marginal],
+        choice: SpaceChoice,
     ) -> None:
-        self._scenario, self._pinned, self._free, self._ranges = scenario, pinned, free, ranges
+        self._scenario, self._default = scenario, choice.default
+        self._pinned, self._free, self._ranges = choice.pinned, choice.free, choice.marginals
         node = xosc.load(scenario).node
         self.declared = {
             declaration.get("name"): declaration for declaration in _declarations(node)
         }
         # All three first: a misspelt name would only seem to be left out.
-        for name in (*pinned, *free, *ranges):
+        for name in (*self._pinned, *self._free, *self._ranges):
             if name not in self.declared:
                 raise UsageError(
                     f"there is no parameter {name!r}; {nearest(name, self.declared)}", path=scenario
                 )
         self._assigned = {
             name: Assignment(value, partial(UsageError, path=scenario), True)
-            for name, value in pinned.items()
+            for name, value in self._pinned.items()
         }
         self._scope = ParameterScope(self.declared.values(), assigned=self._assigned)
 
-    def searched(self, ego: str, default: bool) -> list[str]:
+    def searched(self, ego: str) -> list[str]:
         """Names of the parameters to search, in the order of their declarations.
 
         Raises:
@@ -287,7 +279,7 @@ class _ParameterChoice:
         held = [self.declared[name] for name in self._pinned]
         for violation in ParameterScope(held, self._scope, self._assigned).violations():
             raise violation
-        chosen = (_by_default(bounded, ego) if default else set()) | {*asked}
+        chosen = (_by_default(bounded, ego) if self._default else set()) | {*asked}
         searched = [
             name
             for name in self.declared

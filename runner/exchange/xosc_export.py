@@ -42,7 +42,7 @@ _EXAMPLES = (
     "xosc-export --targets",
 )
 _EPILOG = exit_codes("all exported", "", "an exported run did not test what its file describes") + (
-    " 4 is also a file that says what the target cannot. What each target keeps, changes and "
+    " 4 also for a file with what the target cannot express. What each target keeps, changes and "
     "loses is told in docs/exports.md."
 )
 

@@ -303,7 +303,7 @@ class _Places(NamedTuple):
 
     first: int | None
     last: int | None
-    count: int
+    number: int
 
 
 class _ProblemMessages:
@@ -321,7 +321,7 @@ class _ProblemMessages:
         places = self._places.get((rule, text), _Places(message, None, 0))
         # Parts of a message without an id have one text: they count once.
         if places.last != message:
-            self._places[rule, text] = _Places(places.first, message, places.count + 1)
+            self._places[rule, text] = _Places(places.first, message, places.number + 1)
 
     def problems(self) -> list[Problem]:
         """One for each rule and text."""
@@ -333,7 +333,7 @@ class _ProblemMessages:
             counts[rule.uid] = counts.get(rule.uid, 0) + 1
             if counts[rule.uid] > MOST:
                 continue
-            more = f" and {places.count - 1} more" if places.count > 1 else ""
+            more = f" and {places.number - 1} more" if places.number > 1 else ""
             where = "" if places.first is None else f"message {places.first}{more}: "
             made.append(Problem(rule.uid, rule.level, where + text, str(self._path)))
         for uid, count in counts.items():

@@ -132,11 +132,14 @@ def xqar(results: Results) -> str:
         numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
         # Each rule, those without an issue too: by them the format says what was checked.
         for uid, description in _rules(standard):
+            own = [problem for problem in problems if problem.rule == uid]
+            if uid == LIMITS and not own:
+                continue
             _xqar_checker(
                 bundle,
                 uid,
                 description,
-                [problem for problem in problems if problem.rule == uid],
+                own,
                 numbers,
             )
     return _serialised(root)

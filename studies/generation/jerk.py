@@ -10,6 +10,7 @@ import numpy as np
 
 from generation.search.outcomes import JUDGES
 from generation.search.plays import ArrayPlays
+from generation.space import SpaceChoice
 from generation.space.density.models import JUDGE
 from generation.space.density.roles import roles_of
 from generation.space.logical.library import SCENARIOS
@@ -47,7 +48,7 @@ def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
     Raises:
         UsageError: no unit's jerk is known.
     """
-    space, other = Space.of(WITH, free=[_name(WITH)]), Space.of(WITHOUT)
+    space, other = Space.of(WITH, SpaceChoice(free=[_name(WITH)])), Space.of(WITHOUT)
     prior = of_samples(of_recordings(recorded, BRAKING), space).prior(space, JUDGE)
     theta = prior.sample(draws, np.random.default_rng(seed))
     foreseeable = prior.foreseeable(theta)

@@ -66,9 +66,7 @@ def posed(
         RunSettings(sut=sut, timestep=timestep),
     )
     scenario = asked.scenario
-    space = Space.of(
-        scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(scenario, asked.choice)
     units = asked.recorded(space)
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))

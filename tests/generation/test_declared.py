@@ -12,6 +12,7 @@ import xosc
 from generation.report.counterexamples import measures
 from generation.search.settings import Ask
 from generation.search.variations import asked_of, freed, mapped, with_literals
+from generation.space import SpaceChoice
 from generation.space.logical.library import SCENARIOS
 from generation.space.space import Space
 from schemas import check
@@ -38,9 +39,7 @@ def variation(path: Path, *distributions: object, scenario: Path = SIMPLE) -> Pa
 
 def asked_space(path: Path) -> Space:
     asked = asked_of(Ask(), path)
-    return Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    return Space.of(asked.scenario, asked.choice)
 
 
 def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Path) -> None:
@@ -53,9 +52,7 @@ def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Pat
     )
     asked = asked_of(Ask(), path)
     assert asked.scenario == SIMPLE
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     assert (space.names, space.low.tolist(), space.high.tolist()) == (
         ("CutIn_Gap_m",),
         [6.0],
@@ -64,8 +61,9 @@ def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Pat
     assert space.pinned["CutIn_Speed_mps"] == "22"
     theta = asked.recorded(space).prior(space, "kde").sample(20, np.random.default_rng(0))
     assert ((theta >= 6.0) & (theta <= 30.0)).all()
-    pinned = asked_of(Ask(pinned={"CutIn_Gap_m": "9"}, free=["CutIn_Speed_mps=15..30"]), path)
-    assert (dict(pinned.pinned), list(pinned.marginals)) == (
+    ask = Ask(pinned={"CutIn_Gap_m": "9"}, free=["CutIn_Speed_mps=15..30"])
+    choice = asked_of(ask, path).choice
+    assert (dict(choice.pinned), list(choice.marginals)) == (
         {"CutIn_Gap_m": "9"},
         ["CutIn_Speed_mps"],
     )
@@ -95,7 +93,12 @@ def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
         match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is "
         "searched or pinned itself",
     ):
-        Space.of(asked.scenario, {"CutIn_Speed_mps": "20"}, ranges=asked.marginals, default=False)
+        Space.of(
+            asked.scenario,
+            SpaceChoice(
+                pinned={"CutIn_Speed_mps": "20"}, marginals=asked.choice.marginals, default=False
+            ),
+        )
 
 
 def test_sets_that_no_number_tells_apart_are_categories(tmp_path: Path) -> None:
@@ -161,9 +164,7 @@ def test_a_literal_becomes_a_parameter_of_a_copy_that_stands_by_itself(tmp_path:
     name = f"SpeedActionDynamics_value_{line}"
     assert list(ask.free) == ["CutIn_Gap_m=6..30", f"{name}=0..2"]
     asked = asked_of(ask, copy)
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     assert set(space.names) == {name, "CutIn_Gap_m"}
     assert f'value="${name}"' in copy.read_text() and name not in SIMPLE.read_text()
     assert check(copy) == []
@@ -192,9 +193,7 @@ def test_what_is_no_literal_number_is_refused_by_line(
 def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
     maps = ["CutIn_Gap_m=gap", "CutIn_LaneChangeTime_s=duration", "Ego_Speed_mps=ego_speed*1.0"]
     asked = asked_of(Ask(kind="cut_in", maps=maps), SIMPLE)
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     assert set(space.names) == {"CutIn_Gap_m", "CutIn_LaneChangeTime_s", "Ego_Speed_mps"}
     assert len(asked.recorded(space).theta) > 1000
     assert mapped(["Ego_speed_kph=ego_speed*3.6"])["Ego_speed_kph"].factor == 3.6
@@ -206,9 +205,7 @@ def test_where_all_ranges_have_roles_recordings_say_everything_within_them() -> 
     asked = asked_of(
         Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free), SIMPLE
     )
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     prior = asked.recorded(space).prior(space, "mixture")
     drawn = prior.sample(200, np.random.default_rng(0))
     assert prior.inside(drawn).all()
@@ -219,9 +216,7 @@ def test_a_scenario_of_which_nothing_is_known_is_uniform_or_refused() -> None:
     with pytest.raises(UsageError, match="--kind"):
         asked_of(Ask(), SIMPLE)
     asked = asked_of(Ask(density="uniform"), SIMPLE)
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     assert len(space.names) == 4
     assert asked.recorded(space).prior(space, "uniform").names == space.names
 
@@ -253,9 +248,9 @@ def test_parameters_without_limits_or_numbers_are_refused_by_name() -> None:
     with pytest.raises(
         UsageError, match="Oncoming_Model can't be searched: it is of the type string"
     ):
-        Space.of(corpus, ranges=freed(["Oncoming_Model=1..2"])[1])
+        Space.of(corpus, SpaceChoice(marginals=freed(["Oncoming_Model=1..2"])[1]))
     with pytest.raises(UsageError, match=r"--free Ego_SlowingStart_s=LOW\.\.HIGH"):
-        Space.of(corpus, free=["Ego_SlowingStart_s"])
+        Space.of(corpus, SpaceChoice(free=["Ego_SlowingStart_s"]))
 
 
 def test_parameters_of_the_system_are_declared_in_a_copy(tmp_path: Path) -> None:
@@ -263,9 +258,7 @@ def test_parameters_of_the_system_are_declared_in_a_copy(tmp_path: Path) -> None
     ask, copy = with_literals(Ask(free=free), SIMPLE, tmp_path / "source")
     assert sorted(ask.free) == sorted(free) and check(copy) == []
     asked = asked_of(ask, copy)
-    space = Space.of(
-        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
-    )
+    space = Space.of(asked.scenario, asked.choice)
     assert set(space.names) == {"sut_delay", "CutIn_Gap_m"}
     # Declared once: the copy has it already.
     assert with_literals(ask, copy, tmp_path / "again") == (ask, copy)

@@ -16,6 +16,7 @@ import pytest
 
 import schemas
 from generation.search.outcomes import Repeats, Run
+from generation.space import SpaceChoice
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
@@ -86,7 +87,7 @@ def test_draws_of_the_density_are_a_table_without_a_run(
     assert "which no run has tested" in told and [*tmp_path.iterdir()] == [path]
     rows = [*csv.DictReader(path.open(newline=""))]
     assert {row["Ego_Speed_mps"] for row in rows} == {"33"}
-    space = Space.of(CUT_IN, {"Ego_Speed_mps": "33"})
+    space = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "33"}))
     assert rows[0].keys() == {*space.pinned, *space.names, "log_density"}
     theta = np.array([[float(row[name]) for name in space.names] for row in rows])
     assert ((space.low <= theta) & (theta <= space.high)).all()
@@ -158,6 +159,17 @@ def test_a_wrong_method_is_named_before_a_folder_is_asked_for(
 ) -> None:
     assert call(monkeypatch, CUT_IN, "--method", "magic") == 2
     assert "no search method 'magic'; methods: cover" in capsys.readouterr().err
+
+
+def test_ranges_are_refused_for_a_catalogue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cut_in").mkdir()
+    shutil.copy(CUT_IN, tmp_path / "cut_in" / "one.xosc")
+    asked = ("--free", "CutIn_Gap_m=5..40", "--out", tmp_path / "out")
+    assert call(monkeypatch, tmp_path, *asked) == 2
+    told = capsys.readouterr().err
+    assert "--free CutIn_Gap_m=LOW..HIGH is for single scenarios" in told
 
 
 @pytest.mark.slow

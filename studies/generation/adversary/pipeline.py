@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from generation.search.outcomes import JUDGES, Outcomes, SimulationJob, Simulator
+from generation.space import SpaceChoice
 from generation.space.density.models import JUDGE
 from generation.space.density.prior import until_possible
 from generation.space.density.roles import EGO_SPEED, roles_of
@@ -132,7 +133,7 @@ def starts_of(scenario: Path, pinned: Mapping[str, str]) -> Starts:
         UsageError: the scenario has no parameters of a cut-in, or nothing that is recorded is
             within its limits.
     """
-    space = Space.of(scenario, pinned)
+    space = Space.of(scenario, SpaceChoice(pinned=pinned))
     prior = of_samples(of_recordings(None, CUT_IN), space).prior(space, JUDGE)
     names = {role.role: name for name, role in roles_of([*space.names, *space.pinned]).items()}
     missing = [role for role in _START if role not in names]

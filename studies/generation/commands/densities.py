@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from generation.report.options import Kind, Pin, Recorded
+from generation.space import SpaceChoice
 from generation.space.density.models import models
 from runner.batch.options import Sut
 from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
@@ -75,7 +76,7 @@ def command(
         model(name)
     with interruptible(NAME):
         samples = of_recordings(recorded, kind or kind_of(scenario))
-        space = Space.of(scenario, parameters_of(pin or [], "--pin"))
+        space = Space.of(scenario, SpaceChoice(pinned=parameters_of(pin or [], "--pin")))
         found = of_samples(samples, space).within(space)
         if not len(found.theta):
             raise UsageError(

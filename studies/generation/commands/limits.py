@@ -63,7 +63,7 @@ def command(
     from studies.generation.planted.study import interval
 
     asked = asked_of(Ask(), scenario)
-    space = Space.of(scenario, asked.pinned, asked.free)
+    space = Space.of(scenario, asked.choice)
     units = asked.recorded(space)
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))

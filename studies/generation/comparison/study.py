@@ -25,6 +25,7 @@ from generation.search.problem import (
     counted,
     method,
 )
+from generation.space import SpaceChoice
 from generation.space.density.prior import Prior
 from generation.space.recorded import Recorded
 from generation.space.space import Space
@@ -109,7 +110,7 @@ class Study:
         evaluators: Callable[[str, Path, Space], Evaluate] | None = None,
     ) -> None:
         self.scenario, self.out, self.settings, self.store = scenario, out, settings, Store(out)
-        self.space = Space.of(scenario, settings.pinned)
+        self.space = Space.of(scenario, SpaceChoice(pinned=settings.pinned))
         samples = recorded(self.space)
         self.recorded = samples.within(self.space)
         self.store.open(
@@ -202,7 +203,7 @@ class Study:
         """
         setting = setting_of(self.scenario, self.space)
         scenario = write(self.out / "knots", self.space, setting)
-        space = Space.of(scenario, self.settings.pinned)
+        space = Space.of(scenario, SpaceChoice(pinned=self.settings.pinned))
         return Trajectories(
             scenario,
             setting,

@@ -16,6 +16,7 @@ from generation.estimation.probability import (
     driving,
     probability,
 )
+from generation.space import SpaceChoice
 from generation.space.density.roles import Role
 from generation.space.logical.library import SCENARIOS
 from generation.space.logical.pairs import PAIRS, PairUnits, pair_units
@@ -142,7 +143,7 @@ def test_pairs_without_exposure_have_no_rates() -> None:
 def test_what_is_not_known_is_said_by_name(tmp_path: Path) -> None:
     write_motorway(tmp_path / "recordings")
     samples = extract(tmp_path / "recordings", tmp_path).of_kind("cut_in")
-    free, pinned = Space.of(CUT_IN), Space.of(CUT_IN, {"Ego_Speed_mps": "30"})
+    free, pinned = Space.of(CUT_IN), Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30"}))
     prior = of_samples(of_recordings(None, "cut_in"), free).prior(free, "gaussian")
     recorded = of_samples(samples, free)
     assert "how many hours" in str(driving(recorded._replace(exposure={}), free, prior))

@@ -79,7 +79,7 @@ def test_options_say_what_to_search_of_the_scenarios_that_declare_what_they_name
     )
     (target,) = of_inputs(simple, None, ask)
     assert isinstance(target, SearchTarget) and target.asked is not None
-    assert list(target.asked.marginals) == ["CutIn_Gap_m"]
+    assert list(target.asked.choice.marginals) == ["CutIn_Gap_m"]
     assert target.prior.manoeuvres == 0
     (refused,) = of_inputs(simple, None, Ask())
     assert isinstance(refused, Refused) and "--kind" in refused.reason

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from generation.pipeline import Generated
+from generation.pipeline import Generated, _write, estimate_file
 from generation.report.assurance import Assurance, Coverage, Sensitivity, coverage, sensitivity
 from generation.search.gate import Gate, Share
-from generation.search.outcomes import Cases, Episodes, Outcomes
+from generation.search.outcomes import Cases, Episodes, FullBraking, Outcomes
 from generation.search.problem import History
 from generation.space.density.marginals import Choices, DeclaredPrior, uniform
+from generation.space.density.models.mixtures import Gaussian
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import Parameter
 from schemas.common.array_types import BoolArray, FloatArray
-from tests.generation.report.searches import CUT_IN, SPACE, recorded, settings
+from tests.generation.report.searches import CUT_IN, EASY, SPACE, recorded, searched, settings
 
 GAP, EGO = SPACE.names.index("CutIn_Gap_m"), SPACE.names.index("Ego_Speed_mps")
 REAL = recorded()
@@ -55,6 +58,17 @@ def test_two_parameters_that_act_together_have_more_with_each_other(drawn: Float
     assert set(list(decides.total)[:2]) == {"CutIn_Gap_m", "Ego_Speed_mps"}
     for name in ("CutIn_Gap_m", "Ego_Speed_mps"):
         assert decides.total[name][0] > decides.first[name][0] + 0.3
+
+
+def test_an_estimate_names_a_system_that_is_an_object(tmp_path: Path, drawn: FloatArray) -> None:
+    made = searched("cas", np.array([EASY]))
+    chosen = settings("cas")
+    chosen = replace(chosen, run=replace(chosen.run, sut=FullBraking()))
+    none = made.cases.take(np.zeros(len(made.cases), bool))
+    density = Gaussian().fit(drawn)
+    assert _write(CUT_IN, SPACE, tmp_path, chosen, none, density, made.estimate, 0) == []
+    kept = json.loads((tmp_path / estimate_file(CUT_IN)).read_text(encoding="utf-8"))
+    assert "FullBraking" in kept["sut"]
 
 
 def test_chance_is_explained_by_nothing(drawn: FloatArray) -> None:

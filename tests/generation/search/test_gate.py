@@ -7,6 +7,7 @@ import pytest
 
 from generation.search.gate import TESTABLE, Gate, Share, Statement, replay_shares
 from generation.search.outcomes import Evaluator, Outcomes
+from generation.space import SpaceChoice
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
 from generation.space.space import Space
@@ -34,7 +35,7 @@ def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_dr
 
 
 def test_replays_have_their_own_values_of_what_is_pinned() -> None:
-    space = Space.of(CUT_IN, {"Ego_Speed_mps": "30.0"})
+    space = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30.0"}))
     recorded = of_samples(of_recordings(None, "cut_in"), space)
     replayable = recorded.replays(space)
     assert replayable is not None

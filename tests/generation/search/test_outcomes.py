@@ -13,13 +13,14 @@ import pytest
 
 import runner
 from generation.search.outcomes import Evaluator, Outcomes
+from generation.space import SpaceChoice
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import Parameter
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
 
 CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "simple_cut_in.xosc"
-SPACE = Space.of(CUT_IN, {"Ego_Speed_mps": "30"})
+SPACE = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30"}))
 HARD, MILD = (10.0, 6.0, 1.5), (29.0, 60.0, 5.0)
 """Speed, gap and duration of a cut-in that collides, and of one that has no consequence"""
 

@@ -10,6 +10,7 @@ import pytest
 from generation.search import plays as module
 from generation.search.outcomes import FULL_BRAKING, NOTHING, Outcomes, episode
 from generation.search.plays import ArrayPlays
+from generation.space import SpaceChoice
 from generation.space.space import Space
 from runner.batch.jobs import Job
 from runner.judging.settings import RunSettings
@@ -77,7 +78,9 @@ def same(found: Outcomes, truth: Outcomes) -> None:
 )
 def test_plays_have_the_outcomes_of_runs(name: str, sut: str) -> None:
     scenario = LIBRARY / f"{name}_highway.xosc"
-    space = Space.of(scenario, free=["Lead_Jerk_mps3"] if name.startswith("braking") else [])
+    space = Space.of(
+        scenario, SpaceChoice(free=["Lead_Jerk_mps3"] if name.startswith("braking") else [])
+    )
     theta = space.draw(12 if name == "cut_in" else 5, np.random.default_rng(5))
     found = ArrayPlays(scenario, space, settings(sut), "ad-rss", few=0)(theta)
     truth = singly(scenario, space, theta, settings(sut))

@@ -19,6 +19,7 @@ from generation.search.outcomes import Cases, Episodes, Evaluator, choose
 from generation.search.plays import ArrayPlays
 from generation.search.settings import Choice
 from generation.search.variations import Evidence, Writer, Written
+from generation.space import SpaceChoice
 from generation.space.density.marginals import marginal
 from generation.space.density.models.mixtures import Gaussian
 from generation.space.logical.library import ROADS, SCENARIOS
@@ -31,7 +32,7 @@ from xosc.exports.draft import Folder
 from xosc.writing.tags import read
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-SPACE = Space.of(CUT_IN, pinned={"Ego_Speed_mps": "31.5"})
+SPACE = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "31.5"}))
 RNG = np.random.default_rng(2)
 EVIDENCE = Evidence("cas", "random", "ad-rss", 3, 40, 0.05)
 
@@ -119,7 +120,7 @@ def test_roads_that_a_searched_parameter_names_are_all_taken_along(tmp_path: Pat
     choices = ProbabilityDistributionSet((("maps/a/road.xodr", 1.0), ("maps/b/road.xodr", 2.0)))
     roads = marginal(choices, "Road")
     assert not isinstance(roads, str)
-    space = Space.of(scenario, ranges={"Road": roads})
+    space = Space.of(scenario, SpaceChoice(marginals={"Road": roads}))
     out = tmp_path / "out"
     path = Writer(scenario, space, out).density(Gaussian().fit(space.draw(99, RNG)), 5)
     copies = sorted(each.name for each in (out / "roads").iterdir())
@@ -206,7 +207,7 @@ def test_categories_are_written_with_their_shares(tmp_path: Path) -> None:
     scenario = SCENARIOS / "unsignalised_left_turn_t_junction.xosc"
     words = marginal(ProbabilityDistributionSet((("car", 1.0), ("truck", 3.0))), "Oncoming_Model")
     assert not isinstance(words, str)
-    space = Space.of(scenario, ranges={"Oncoming_Model": words}, default=False)
+    space = Space.of(scenario, SpaceChoice(marginals={"Oncoming_Model": words}, default=False))
     codes = np.repeat([[0.0], [1.0]], [10, 30], axis=0) + np.linspace(-0.1, 0.1, 40)[:, None]
     density = Gaussian().fit(codes)
     path = Writer(scenario, space, tmp_path).density(density, 5)

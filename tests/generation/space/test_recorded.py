@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import xosc
+from generation.space import SpaceChoice
 from generation.space.density.roles import KINDS_OF_SCENARIOS, PAIRED
 from generation.space.logical.library import SCENARIOS, maneuver_scenarios
 from generation.space.logical.maneuvers import MANEUVERS
@@ -52,7 +53,7 @@ def samples(n: int = 4, jerks: Sequence[float] = ()) -> Samples:
 
 
 def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
-    space = Space.of(CUT_IN, pinned={"CutIn_StartTime_s": "1"})
+    space = Space.of(CUT_IN, SpaceChoice(pinned={"CutIn_StartTime_s": "1"}))
     found = of_samples(samples(), space)
     np.testing.assert_array_equal(found.theta[0], [0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 33.0])
     assert len(found.recordings) == 4
@@ -70,11 +71,13 @@ def test_what_recordings_do_not_tell_is_refused(
     name: str, pinned: dict[str, str], free: list[str], unknown: str
 ) -> None:
     with pytest.raises(UsageError, match=unknown):
-        of_samples(samples(), Space.of(SCENARIOS / f"{name}.xosc", pinned, free))
+        of_samples(
+            samples(), Space.of(SCENARIOS / f"{name}.xosc", SpaceChoice(pinned=pinned, free=free))
+        )
 
 
 def test_units_whose_jerk_is_not_known_are_left_out_where_it_counts() -> None:
-    space = Space.of(BRAKING, free=[JERK])
+    space = Space.of(BRAKING, SpaceChoice(free=[JERK]))
     found = of_samples(samples(4, (2.0, np.nan, 3.0, np.nan)), space)
     np.testing.assert_array_equal(found.values[JERK], [2.0, 3.0])
     np.testing.assert_array_equal(found.theta[:, space.names.index("Lead_Gap_m")], [0.0, 14.0])
@@ -151,7 +154,7 @@ def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Pa
         xosc.write(tagged, folder / f"{number}.xosc")
     (found,) = of_catalogue(tmp_path)
     assert found.path.name == "2.xosc"
-    space = Space.of(found.path, pinned={"CutIn_Duration_s": "3"})
+    space = Space.of(found.path, SpaceChoice(pinned={"CutIn_Duration_s": "3"}))
     assert found.on(space).theta[:, 0].tolist() == [10.0, 30.0, 25.0]
     assert found.on(space).theta.shape == (3, 7)
     assert found.on(space).theta[1, 1] == 22.0
@@ -202,8 +205,8 @@ def test_kinds_by_name_are_those_of_the_tables_of_scenarios() -> None:
 
 def test_limits_are_drawn_from_where_shipped_units_have_nothing_inside_them() -> None:
     start, end, lasts = "CutIn_StartSpeed_mps", "CutIn_EndSpeed_mps", "CutIn_Duration_s"
-    usual = Space.of(CUT_IN, pinned={start: "26", end: "26", lasts: "5"})
-    hard = Space.of(CUT_IN, pinned={start: "38", end: "12", lasts: "1"})
+    usual = Space.of(CUT_IN, SpaceChoice(pinned={start: "26", end: "26", lasts: "5"}))
+    hard = Space.of(CUT_IN, SpaceChoice(pinned={start: "38", end: "12", lasts: "1"}))
     samples = of_recordings(None, "cut_in")
     found = of_samples(samples, usual, simulated=True)
     assert stated_instead(found, usual, "mixture") is None

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 import xosc
+from generation.space import SpaceChoice
 from generation.space.density.marginals import uniform
 from generation.space.space import KnownRows, Space
 from recognition.labels.maneuvers.parameters import PARAMETERS, Parameter, declared_name
@@ -36,7 +37,7 @@ def declaring(path: Path, *parameters: object) -> Path:
 def test_the_box_of_the_cut_in_is_as_wide_as_recordings_and_has_the_speed_of_the_ego() -> None:
     space = Space.of(CUT_IN)
     assert space.names[-1] == "Ego_Speed_mps"
-    space = Space.of(CUT_IN, pinned={"Ego_Speed_mps": "30.0"})
+    space = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30.0"}))
     assert space.names == tuple(declared_name("CutIn", role) for role in PARAMETERS)
     assert space.low.tolist() == [0.5, 5, 0, 5, 1, 5, 0]
     assert space.high.tolist() == [150, 42, 10, 42, 8, 42, 10]
@@ -60,8 +61,10 @@ def test_ranges_of_whole_numbers_hold_several_that_can_be_listed(
 ) -> None:
     path = declaring(tmp_path / "whole.xosc", maneuvers.parameter("N", "int", 1))
     with pytest.raises(UsageError, match=reason):
-        Space.of(path, ranges={"N": uniform(low, high)})
-    assert Space.of(path, ranges={"N": uniform(0.5, 2.5)}).choices == {"N": [1.0, 2.0]}
+        Space.of(path, SpaceChoice(marginals={"N": uniform(low, high)}))
+    assert Space.of(path, SpaceChoice(marginals={"N": uniform(0.5, 2.5)})).choices == {
+        "N": [1.0, 2.0]
+    }
 
 
 def test_where_nobody_has_the_seven_all_but_the_egos_parameters_are_searched() -> None:
@@ -79,7 +82,7 @@ def test_an_ego_that_acts_is_searched() -> None:
 def test_a_jerk_is_searched_where_it_is_asked_for() -> None:
     path = LIBRARY / "braking_leader_highway.xosc"
     assert Space.of(path).pinned["Lead_Jerk_mps3"] == "3.0"
-    assert Space.of(path, free=["Lead_Jerk_mps3"]).names == (
+    assert Space.of(path, SpaceChoice(free=["Lead_Jerk_mps3"])).names == (
         *Space.of(path).names[:-1],
         "Lead_Jerk_mps3",
         "Ego_Speed_mps",
@@ -88,7 +91,7 @@ def test_a_jerk_is_searched_where_it_is_asked_for() -> None:
 
 def test_pinned_and_free_parameters_change_places() -> None:
     path = LIBRARY / "cut_out_highway.xosc"
-    space = Space.of(path, pinned={"CutOut_RestTime_s": "2"}, free=["Slow_Speed_mps"])
+    space = Space.of(path, SpaceChoice(pinned={"CutOut_RestTime_s": "2"}, free=["Slow_Speed_mps"]))
     assert "CutOut_RestTime_s" not in space.names
     assert space.names[-1] == "Slow_Speed_mps"
     assert space.pinned == {"CutOut_RestTime_s": "2"}
@@ -106,7 +109,7 @@ def test_names_that_make_no_sense_are_refused(
     pinned: dict[str, str], free: list[str], reason: str
 ) -> None:
     with pytest.raises(UsageError, match=reason):
-        Space.of(CUT_IN, pinned, free)
+        Space.of(CUT_IN, SpaceChoice(pinned=pinned, free=free))
 
 
 @pytest.mark.parametrize(("value", "error"), [("2000", InvalidFile), ("fast", UsageError)])
@@ -114,7 +117,7 @@ def test_pinned_values_that_no_run_accepts_are_refused(
     value: str, error: type[ToolchainError]
 ) -> None:
     with pytest.raises(error, match="Ego_Speed_mps"):
-        Space.of(CUT_IN, pinned={"Ego_Speed_mps": value})
+        Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": value}))
 
 
 def test_limits_follow_what_is_pinned(tmp_path: Path) -> None:
@@ -122,7 +125,7 @@ def test_limits_follow_what_is_pinned(tmp_path: Path) -> None:
     speed = maneuvers.parameter(
         "A_Speed_mps", "double", 1.0, [[("greaterOrEqual", 0.0), ("lessOrEqual", "$Top")]]
     )
-    space = Space.of(declaring(tmp_path / "a.xosc", top, speed), pinned={"Top": "5"})
+    space = Space.of(declaring(tmp_path / "a.xosc", top, speed), SpaceChoice(pinned={"Top": "5"}))
     assert space.high.tolist() == [5.0]
     assert space.pinned == {"Top": "5"}
 
@@ -134,7 +137,7 @@ def test_a_scenario_without_limits_has_no_space(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="left to search"):
         Space.of(path)
     with pytest.raises(UsageError, match="limit"):
-        Space.of(path, free=["Speed"])
+        Space.of(path, SpaceChoice(free=["Speed"]))
 
 
 def test_limits_may_be_expressions_and_exclusive(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from generation.space import SpaceChoice
 from generation.space.density.marginals import Choices, Marginal, marginal, uniform
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples, of_statements
@@ -84,7 +85,8 @@ def test_counts_and_numbers_are_choices_and_words_are_categories() -> None:
 
 def test_choices_become_the_nearest_value_in_files() -> None:
     space = Space.of(
-        SIMPLE, ranges={"CutIn_Gap_m": Choices((10.0, 12.5), (1.0, 1.0))}, default=False
+        SIMPLE,
+        SpaceChoice(marginals={"CutIn_Gap_m": Choices((10.0, 12.5), (1.0, 1.0))}, default=False),
     )
     assert space.names == ("CutIn_Gap_m",)
     assert [space.values([value])["CutIn_Gap_m"] for value in (10.9, 11.6)] == ["10", "12.5"]
@@ -95,7 +97,7 @@ def test_what_is_stated_is_a_prior_within_the_constraints_of_the_scenario() -> N
         "CutIn_Gap_m": uniform(2.0, 70.0),
         "CutIn_Speed_mps": density(NormalDistribution(20.0, 9.0)),
     }
-    space = Space.of(SIMPLE, ranges=stated, default=False)
+    space = Space.of(SIMPLE, SpaceChoice(marginals=stated, default=False))
     recorded = of_statements(stated, space)
     prior = recorded.prior(space, "kde")
     drawn = prior.sample(300, np.random.default_rng(1))
@@ -111,7 +113,7 @@ def test_what_is_stated_is_a_prior_within_the_constraints_of_the_scenario() -> N
 def test_recordings_and_ranges_make_one_prior() -> None:
     samples = of_recordings(None, "cut_out").where(np.arange(0, 2900, 8))
     path, slow = SCENARIOS / "cut_out_highway.xosc", {"Slow_Speed_mps": uniform(5.0, 15.0)}
-    space = Space.of(path, ranges=slow)
+    space = Space.of(path, SpaceChoice(marginals=slow))
     prior = of_samples(samples, space, marginals=slow).prior(space, "gaussian")
     assert prior.names == space.names
     drawn = prior.sample(200, np.random.default_rng(0))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from generation.search.gate import R157_SPEED, Domain
+from generation.space import SpaceChoice
 from generation.space.density.roles import roles_of
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import of_recordings, of_samples
@@ -64,7 +65,7 @@ def test_wrong_limits_are_named(text: str, said: str) -> None:
 
 
 def test_a_pinned_value_outside_is_refused() -> None:
-    pinned = Space.of(CUT_IN, {"Ego_Speed_mps": "40"})
+    pinned = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "40"}))
     with pytest.raises(UsageError, match=r"Ego_Speed_mps is pinned at 40, outside 0 to 36\.1"):
         domain("r157", space=pinned)
 

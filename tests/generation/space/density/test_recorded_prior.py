@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from generation.space import SpaceChoice
 from generation.space.density.marginals import DeclaredPrior, JointPrior, uniform
 from generation.space.density.prior import Box, Limits, RecordedPrior, quantities
 from generation.space.density.roles import BEHIND, EGO_SPEED, Role
@@ -20,7 +21,7 @@ ROWS, FEW = slice(None, None, 8), slice(None, None, 80)
 
 def prior(density: str = "kde", rows: slice = ROWS, **pinned: str) -> tuple[RecordedPrior, Space]:
     samples = of_recordings(None, "cut_in")
-    space = Space.of(CUT_IN, pinned)
+    space = Space.of(CUT_IN, SpaceChoice(pinned=pinned))
     return of_samples(samples.where(np.arange(len(samples.theta))[rows]), space).prior(
         space, density
     ), space

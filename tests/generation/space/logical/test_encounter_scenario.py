@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import runner
+from generation.space import SpaceChoice
 from generation.space.logical.encounters import EncounterScenario
 from generation.space.logical.library import SCENARIOS, encounter_scenarios
 from generation.space.space import Space
@@ -80,7 +81,7 @@ def test_it_runs_in_the_corners_of_its_box_and_the_other_begins_in_time(name: st
     other = approach.encounter.other
     space = Space.of(
         SCENARIOS / f"{name}.xosc",
-        free=["Ego_Speed_mps", "Ego_JunctionSpeed_mps", "Ego_SlowingTime_s"],
+        SpaceChoice(free=["Ego_Speed_mps", "Ego_JunctionSpeed_mps", "Ego_SlowingTime_s"]),
     )
     assert {f"{other}_ArrivalGap_s", f"{other}_Speed_mps"} <= set(space.names)
     corners = list(product((0.0, 1.0), repeat=len(space.names)))

@@ -11,6 +11,7 @@ import runner
 import schemas
 from generation.search.outcomes import Evaluator
 from generation.search.plays import ArrayPlays
+from generation.space import SpaceChoice
 from generation.space.logical.library import SCENARIOS, pair_scenarios
 from generation.space.logical.pairs import LEAD_IN, PairUnits
 from generation.space.recorded import kind_of, of_recordings, of_samples
@@ -85,7 +86,7 @@ def test_recorded_pairs_fill_a_space_and_its_prior_lets_nobody_drive_through_ano
 
 def test_what_is_foreseeable_together_is_also_foreseeable_alone() -> None:
     path = path_of(TAIL_GATED)
-    space = Space.of(path, {"Merging_Duration_s": "4"})
+    space = Space.of(path, SpaceChoice(pinned={"Merging_Duration_s": "4"}))
     recorded = of_samples(of_recordings(None, kind_of(path)), space)
     prior, together = recorded.prior(space, "gaussian"), recorded.recorded_prior(space, "gaussian")
     (merging,) = recorded.alone(space, "gaussian")

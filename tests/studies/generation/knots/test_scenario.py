@@ -9,6 +9,7 @@ import pytest
 
 import runner
 import schemas
+from generation.space import SpaceChoice
 from generation.space.logical.library import SCENARIOS
 from generation.space.space import Space
 from schemas.common.array_types import FloatArray
@@ -36,7 +37,7 @@ def apart(result: runner.RunResult) -> tuple[FloatArray, FloatArray]:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Space, Setting]:
     """The scenario, its space, and what its trajectories are told from."""
-    seven = Space.of(CUT_IN, {"Ego_Speed_mps": "30.0"})
+    seven = Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30.0"}))
     setting = setting_of(CUT_IN, seven)
     path = write(tmp_path_factory.mktemp("knots"), seven, setting)
     return path, Space.of(path), setting
@@ -58,7 +59,9 @@ def test_the_actor_goes_as_in_the_manoeuvre_and_the_scene_ends_with_it(
     (knots,) = knots_of(MANEUVER, setting)
     result = runner.run(path, parameters={**space.pinned, **space.values(knots)}, sut="none")
     maneuver = runner.run(
-        CUT_IN, parameters=Space.of(CUT_IN, {"Ego_Speed_mps": "30.0"}).values(MANEUVER), sut="none"
+        CUT_IN,
+        parameters=Space.of(CUT_IN, SpaceChoice(pinned={"Ego_Speed_mps": "30.0"})).values(MANEUVER),
+        sut="none",
     )
     assert result.end_time == pytest.approx(9.0, abs=0.06)
     (ahead, aside), (wanted_ahead, wanted_aside) = (apart(run) for run in (result, maneuver))

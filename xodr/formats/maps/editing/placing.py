@@ -205,7 +205,9 @@ def _raise(file: EditedRoads, z: float) -> None:
         for record in records:
             record.set("a", repr(number(record, "a", path) + z))
     for grid in root.iterfind("junction/elevationGrid/elevation"):
-        for name in set(grid.attrib) & {"left", "center", "right"}:
+        for name in ("left", "center", "right"):
+            if name not in grid.attrib:
+                continue
             heights = [finite_number(part) for part in grid.get(name, "").split()]
             if None in heights:
                 raise InvalidFile(
