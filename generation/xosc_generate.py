@@ -80,7 +80,7 @@ def xosc_generate(
         typer.Argument(
             metavar="SCENARIO_OR_CATALOGUE",
             autocompletion=complete_name,
-            help="A scenario, a variation file, a name, a catalogue, or a class's folder in it.",
+            help="A scenario, variation file, shipped name, catalogue, or its folder of a class.",
         ),
     ],
     out: Annotated[
