@@ -80,7 +80,7 @@ def xosc_generate(
         typer.Argument(
             metavar="SCENARIO_OR_CATALOGUE",
             autocompletion=complete_name,
-            help="A scenario, variation file, shipped name, catalogue, or its folder of a class.",
+            help="A scenario, variation file or name; a folder of a catalogue or one class.",
         ),
     ],
     out: Annotated[
