@@ -25,12 +25,14 @@ from typing import Any, NamedTuple, cast
 import pytest
 import typer
 
+from studies.publication.results import read_journal
 from tests.commands import SCRIPTS
 
 ROOT = Path(__file__).parents[2]
 CARDS = sorted((ROOT / "recognition" / "models").glob("*/README.md"))
 PAGES = [ROOT / "docs" / f"{name}-results.md" for name in ("recognition", "generation")] + CARDS
 WRITTEN = ("README.md", "docs/*.md", "docs/tutorials/*.md", "docs/extending/*.md")
+JOURNALS = sorted((ROOT / "studies" / "results" / "generation").glob("*/stages.csv"))
 OTHERS = sorted(
     {page for pattern in WRITTEN for page in ROOT.glob(pattern)}
     - {*PAGES, ROOT / "docs" / "publication.md"}
@@ -40,7 +42,7 @@ _CODE = re.compile(r"`[^`]*`")
 _LINK = re.compile(r"\]\([^)]*\)")
 _DECIMAL = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.]*\d)")
 _FIGURE = re.compile(r"(?<![\w.])\d+\.\d{2,}\b|\b\d+(\.\d+)? ?%|\b\d+ of \d+\b")
-_FROM = re.compile(r"From ((?:`studies/results/[\w/.-]+\.csv`(?:, | and )?)+)")
+_FROM = re.compile(r"[Ff]rom\s+((?:`studies/results/[\w/.-]+\.csv`(?:,\s+|\s+and\s+)?)+)")
 _MEASURED = re.compile(
     r"Measured\s(\d{4}-\d\d-\d\d)\sby\s(`[^`]+`|the\s(?:same\s)?commands?[^;]*)[^;]*;\srests\s+on\s\S+"
 )
@@ -64,9 +66,7 @@ UNFILED = {
     },
     "generation-results": {
         "Other bases and scenarios": ("2026-11-26", "searches on SUMO, hours"),
-        "Planted failures": ("2026-11-29", "to be kept"),
         "How often, and whether the estimate holds": ("2026-11-22 2026-11-26", "to be kept"),
-        "Judges": ("2026-11-26", "to be kept"),
         "Parts of the method": ("2026-11-22 2026-11-29", "to be kept"),
     },
     "cpu": {
@@ -221,6 +221,14 @@ def test_figures_without_a_result_file_are_listed_with_their_day(page: Path) -> 
     }
     listed = UNFILED[page.parent.name if page in CARDS else page.stem]
     assert found == {title: set(days.split()) for title, (days, _) in listed.items()}
+
+
+@pytest.mark.parametrize("journal", JOURNALS, ids=lambda path: path.parent.name)
+def test_result_files_of_generation_are_shown_and_their_command_exists(journal: Path) -> None:
+    (made,) = read_journal(journal.parent).values()
+    assert made.stage == journal.parent.name and not unknown(f"python -m {made.command}")
+    page = (ROOT / "docs" / "generation-results.md").read_text(encoding="utf-8")
+    assert f"`studies/results/generation/{made.stage}/" in page
 
 
 @pytest.mark.parametrize("page", OTHERS, ids=lambda page: page.name)

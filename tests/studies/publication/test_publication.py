@@ -68,7 +68,8 @@ def test_extracts_of_highd_and_interaction_give_tables_of_their_own(
     write_interaction(tmp_path / "own" / "INTERACTION", range(6))
     few = SCALES[SCALE]._replace(rows=("trfe", "random"))
     monkeypatch.setitem(SCALES, SCALE, few)
-    made, shown = ("units", "published", "merging_highway"), tmp_path / "page.md"
+    searched = "cut_in_narrow_road", "diverging_highway", "merging_highway", "congestion_highway"
+    made, shown = ("units", "published", *searched), tmp_path / "page.md"
     chosen = [part for name in made for part in ("--only", name)]
     own = ("--recordings", str(tmp_path / "own"))
     assert call("--smallest", *own, *chosen, "--page", str(shown)) == 0
@@ -80,9 +81,10 @@ def test_extracts_of_highd_and_interaction_give_tables_of_their_own(
     assert [int(row[0]) for row in rows("published", "data")] == [*motorway, *junction]
     ours, least = (float(row[1]) for row in rows("published", "open-set"))
     assert ours > least
-    # Cut ins of these recordings, of six in each, in the place of the shipped ones.
-    ((manoeuvres, *_),) = rows("merging_highway", "reconstruction")
-    assert 30 <= int(manoeuvres) <= 36
+    # Manoeuvres of these recordings in the place of the shipped ones: those inside the limits.
+    for stage, least, most in zip(searched, (8, 20, 30, 12), (24, 24, 36, 24), strict=True):
+        ((manoeuvres, *_),) = rows(stage, "reconstruction")
+        assert least <= int(manoeuvres) <= most, stage
     text = shown.read_text(encoding="utf-8")
     assert "Our rows are of the recordings that the commands below name" in text
     assert "SUMO's traffic" not in text
