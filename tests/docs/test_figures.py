@@ -6,7 +6,7 @@ A section of a page of results that has figures says one of two things:
   and each decimal, percentage and count of a whole of its text is in them.
 - ``Measured DATE by `COMMAND`; rests on …``: the command is one that exists. It may be named as
   "the command below", "the commands above" or "of the table" if the section, or one that precedes
-  it, has it.
+  it, has it. Sections of this kind are listed in `UNFILED`.
 
 The first paragraph of a page repeats figures of its sections. Other pages have none.
 """
@@ -58,6 +58,7 @@ _SETTINGS = "How it decides"
 """Section of a card that has settings of the model, no results"""
 _VERDICTS = "tests/docs/test_verdicts.py counts the reviewers' verdicts"
 _ELSEWHERE = "rests on recordings that are not in the repository; the card and the page agree"
+_LONG = "takes more than ten minutes of a processor; to be made again with `--results`"
 UNFILED = {
     "recognition-results": {
         "The shipped model on other sites": ("2026-11-26", _ELSEWHERE),
@@ -65,9 +66,9 @@ UNFILED = {
         "By sensor and kind of road": ("2026-11-29", _VERDICTS),
     },
     "generation-results": {
-        "Other bases and scenarios": ("2026-11-26", "searches on SUMO, hours"),
-        "How often, and whether the estimate holds": ("2026-11-22 2026-11-26", "to be kept"),
-        "Parts of the method": ("2026-11-22 2026-11-29", "to be kept"),
+        "Other bases and scenarios": ("2026-11-26", _LONG),
+        "How often, and whether the estimate holds": ("2026-11-22 2026-11-26", _LONG),
+        "Parts of the method": ("2026-11-22 2026-11-29", _LONG),
     },
     "cpu": {
         "TRFE model": ("2026-11-26", "training takes hours; counts are compared with the model"),
