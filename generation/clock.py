@@ -1,4 +1,4 @@
-"""One clock over all phases of a search: draws, plays, runs, judges, edge cases."""
+"""One clock over all phases of a search: draws, plays, runs, judges, estimate, edge cases."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ SEARCHED = 0.7
 """Share of the time after which nothing more is sought: edge cases are chosen
 and written in the rest
 """
+_ENDS = (SEARCHED,), (0.5, 0.75), (0.35, 0.55, 0.75)
+"""The same with one or two phases after the search, and shares after which these end"""
+_LEAST = 0.15
+"""Share of the time that search and estimate have in any case"""
 _MINUTE, _PART = 60.0, 50
 _BLOCK = 1024
 """Points that drivers run between two looks at the clock"""
-RUN = _PART
-"""Points that a search runs between two looks at the clock"""
 PLAYED = 16_384
 """Points that a process plays in arrays between two looks at the clock"""
 _DRIVERS = 9
@@ -36,16 +38,55 @@ class SearchClock:
     Args:
         minutes: time of the search; None for no limit.
         spent: seconds that were spent for it before.
+        tell: called with the name of each phase as it begins.
     """
 
-    def __init__(self, minutes: float | None, spent: float = 0.0) -> None:
-        self._start = time.monotonic() - spent
+    def __init__(
+        self,
+        minutes: float | None,
+        spent: float = 0.0,
+        tell: Callable[[str], object] = lambda phase: None,
+    ) -> None:
+        self._start, self._tell = time.monotonic() - spent, tell
         self._limit = math.inf if minutes is None else _MINUTE * minutes
+        self._ends = iter(_ENDS[0])
+        self._until = next(self._ends)
 
-    def shared(self, searches: int) -> SearchClock:
+    def shared(self, searches: int, tell: Callable[[str], object]) -> SearchClock:
         """Clock of the next of some searches that share what is left."""
         left = max(self._limit - self._spent, 0.0)
-        return SearchClock(None if math.isinf(left) else left / _MINUTE / searches)
+        return SearchClock(None if math.isinf(left) else left / _MINUTE / searches, tell=tell)
+
+    def begin(self, more: int) -> None:
+        """Begin the search.
+
+        Args:
+            more: phases after it that have shares of the time of their own, two at most.
+        """
+        self._ends = iter(_ENDS[more])
+        self._until = next(self._ends)
+
+    def phase(self, name: str, own: bool = False) -> None:
+        """Begin a phase.
+
+        Args:
+            own: whether it is the next one that has a share of its own.
+        """
+        if own:
+            self._until = next(self._ends)
+            self.grant()
+        self._tell(name)
+
+    def grant(self) -> None:
+        """Give what begins a least share of the time, also where that is more than was left: on a
+        busy machine a phase before it may have taken all."""
+        if self.finite and self._limit > 0.0:
+            self._until = max(self._until, self._spent / self._limit + _LEAST)
+
+    @property
+    def finite(self) -> bool:
+        """Whether there is a limit."""
+        return not math.isinf(self._limit)
 
     @property
     def _spent(self) -> float:
@@ -53,13 +94,13 @@ class SearchClock:
 
     @property
     def over(self) -> bool:
-        """Whether the time for runs is over."""
-        return self._spent >= SEARCHED * self._limit
+        """Whether the time for runs of this phase is over."""
+        return self._spent >= self._until * self._limit
 
     @property
     def left(self) -> float:
-        """Seconds that are left for runs; infinite without a limit."""
-        return max(SEARCHED * self._limit - self._spent, 0.0)
+        """Seconds that are left for runs of this phase; infinite without a limit."""
+        return max(self._until * self._limit - self._spent, 0.0)
 
     def check(self) -> None:
         """Go on.
@@ -71,10 +112,11 @@ class SearchClock:
             raise TimeOver
 
     def parts(self, theta: FloatArray, until: float) -> Iterator[FloatArray]:
-        """Yield parts of points (n, d), one at least, for as long as a share of the time lasts."""
+        """Yield parts of points (n, d), one at least, for as long as a share of the phase's time
+        lasts."""
         yield theta[:_PART]
         for start in range(_PART, len(theta), _PART):
-            if self._spent >= until * self._limit:
+            if self._spent >= until * self._until * self._limit:
                 break
             yield theta[start : start + _PART]
 
@@ -149,6 +191,22 @@ class TimedPlays:
             self._times[len(theta)] = min(taken, self._times.get(len(theta), math.inf))
         return outcomes
 
+    def seconds(self, points: int) -> float:
+        """Time that points take, where some were played before."""
+        if not self._times:
+            return 0.0
+        few, each = self._rates()
+        return self._times[few] + each * max(points - few, 0)
+
+    def _rates(self) -> tuple[int, float]:
+        """Points of the smallest play, and seconds that each further point takes."""
+        few, many = min(self._times), max(self._times)
+        # Of one play it is not known what its points add: as much as they can.
+        each = self._times[many] / many
+        if few < many:
+            each = max((self._times[many] - self._times[few]) / (many - few), each / _DRIVERS)
+        return few, each
+
     def within(self, share: float) -> float:
         """Points that can be played in a share of the time, and of the number, that is left;
         infinite without limits.
@@ -161,9 +219,5 @@ class TimedPlays:
             return left
         if not self._times:
             return 0.0
-        few, many = min(self._times), max(self._times)
-        # Of one play it is not known what its points add: as much as they can.
-        each = self._times[many] / many
-        if few < many:
-            each = max((self._times[many] - self._times[few]) / (many - few), each / _DRIVERS)
+        few, each = self._rates()
         return max(min((seconds - self._times[few]) / each + few, left), 0.0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import math
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -20,11 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.clock import PLAYED, RUN, SearchClock, TimedPlays, TimeOver
+from generation.clock import PLAYED, SearchClock, TimedPlays, TimeOver
 from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.estimation.estimate import (
     FAILURE,
+    MOST_LOOKED,
     RUNS,
+    Allowance,
     Estimate,
     EstimateSettings,
     Known,
@@ -104,8 +107,12 @@ costs as much as a run of it
 _GATED, _GATED_FIRST = 0.2, 250
 """Share of the time that is left which measuring a density takes, and replays, and draws, that are
 played at first"""
-_GATED_UNTIL = 0.4
-"""Share of the time after which nothing more is replayed one by one"""
+_SEARCH = "search"
+"""Phase of runs that a method chooses"""
+_CANDIDATES = 40
+"""Points that are played to choose a run, about"""
+_GATED_UNTIL = 0.6
+"""Share of the search's time after which nothing more is replayed one by one"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never
 more than half of the budget
@@ -138,7 +145,8 @@ class Generated:
         measuring: these draws (n, d) and their outcomes; None where there are none.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
-        unestimated: whether its time was over before the estimate that was asked for.
+        unestimated: whether no run or draw has a verdict that the estimate that was asked for could
+            be made of.
         bound: result of the draws that were asked for by `settings.until`; None where they were
             not, or the search has not ended.
         density: name of the density of recorded parameters.
@@ -229,6 +237,7 @@ def generate(
     interim: Callable[[Generated], object] = lambda generated: None,
     drawing: Callable[[int], Callable[[int], object]] = lambda needed: lambda draws: None,
     clock: SearchClock | None = None,
+    forecast: Callable[[float, float], object] = lambda least, most: None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
@@ -255,6 +264,7 @@ def generate(
             with the number of those made, after each block of them.
         clock: of all phases; one that starts now, with the minutes of the settings, where it is
             None.
+        forecast: called with the seconds that all takes after the draws, least and most.
 
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
@@ -277,11 +287,14 @@ def generate(
     clock = SearchClock(settings.minutes) if clock is None else clock
     search = method(settings.method)  # refuse an unknown name before recordings are read
     judges_of(settings.judges, settings.domain)
+    clock.begin(settings.estimate + (settings.until is not None))
+    clock.phase("reading what is recorded")
     asked = _Asked.of(scenario, recorded, settings)
     with alone(out, "a search"), evaluator_of(scenario, asked.space, settings) as evaluator:
         work = _Work(asked, out, clock, evaluator, progress, found, interim, drawing)
         if work.lost:  # whatever is sought would end with the same errors
             return work.made(work.course.history, ended=False)
+        forecast(*work.forecast)
         try:
             history = work.search(search)
         except TimeOver:
@@ -409,7 +422,12 @@ class _Work:
         )
         self._drivers = _drivers(scenario, space, out, settings, evaluator)
         self._seeded = remembering(lambda theta, seed: evaluator(theta, seed=int(seed)))
+        clock.phase("unguided draws")
+        begun = time.monotonic()
         self.unseen = self._drawn()
+        self._per_run = (time.monotonic() - begun) / max(evaluator.calls, 1)
+        self._per_run *= evaluator.calls > 0
+        clock.phase("measuring the density by replays and draws")
         self._plays = _plays(scenario, space, settings)
         timed = (
             None
@@ -433,7 +451,7 @@ class _Work:
             self.unseen,
             settings,
             clock,
-            lambda history: interim(self.made(history, False)),
+            self._shown,
         )
         self._problem = SearchProblem(
             space, self.course, asked.reward, asked.real.theta, found, asked.prior, timed,
@@ -448,7 +466,32 @@ class _Work:
             TimeOver: the time was over before; `course` has what was run.
         """
         settings = self._asked.settings
+        self._clock.phase(_SEARCH)
+        self._clock.grant()
         return method(self._problem, settings.budget - drawn_of(settings.budget), settings.seed)
+
+    def _shown(self, history: History) -> None:
+        """Hand over what was found so far."""
+        self._interim(self.made(history, False))
+        self._clock.phase(_SEARCH)
+
+    @property
+    def forecast(self) -> tuple[float, float]:
+        """Seconds that the rest takes, at the rates of draws and plays so far: least, most; 0 where
+        all draws were kept.
+        """
+        settings, per_run = self._asked.settings, self._per_run
+        sought = settings.budget - len(self.unseen.theta)
+        estimated = min(RUNS, settings.budget) if settings.estimate else 0
+        cases = min(settings.choice.most, sought)
+        driven = len(self._judges) * (cases + estimated) + (1 + settings.repeat) * cases
+        least = most = 0.0
+        if self._screen is not None:
+            chosen = PLAYED + _CANDIDATES * sought
+            least = self._screen.seconds(chosen)
+            most = least + self._screen.seconds(MOST_LOOKED if settings.estimate else 0)
+        runs = sought + estimated
+        return least + per_run * runs, most + per_run * (runs + driven)
 
     @property
     def lost(self) -> bool:
@@ -481,15 +524,17 @@ class _Work:
         reward, space = asked.reward, asked.space
         sought, drawings = runs.episodes(reward), draws.episodes(reward)
         every = Episodes.joined([sought, drawings])
+        plays = self._screen.played - self._measured if self._screen is not None else 0
         # Only at the end: an interim result has no use for it, and its runs are the dearest.
-        rate = self._rate(every) if settings.estimate and ended and not cut else None
+        rate = self._rate(every) if settings.estimate and ended else None
         unestimated = settings.estimate and ended and rate is None
         estimates = self._more.episodes(reward)
-        bound = self._bound(every, cut or unestimated) if ended else None
+        bound = self._bound(every) if ended else None
         against = self._refuting.episodes(reward)
         every = Episodes.joined([every, estimates, against])
+        self._clock.phase("edge cases, and what careful drivers make of them")
         # After estimate and bound, whose runs may fail too and are cases like others.
-        cases, files = self._written(every, rate, cut or unestimated)
+        cases, files = self._written(every, rate, cut or settings.estimate)
         statement = _statement(
             space, runs.episodes(reward), self.unseen.theta, self.unseen.outcomes
         )
@@ -500,7 +545,7 @@ class _Work:
             space, asked.real, asked.prior, history, every, cases, files, self._gate, runs.reused,
             rate,
             runs.damaged + draws.damaged + self._more.damaged, statement=statement,
-            plays=self._screen.played - self._measured if self._screen is not None else 0,
+            plays=plays,
             draws=self.unseen,
             domain=asked.domain, cut=cut, unestimated=unestimated,
             judged=NOT_JUDGED if self._judging is None else self._judging.counts,
@@ -517,33 +562,34 @@ class _Work:
         return generated
 
     def _rate(self, every: Episodes) -> Estimate | None:
-        """Estimate the failure rate from all runs; None where the time is over before. What was
-        run for it is kept.
+        """Estimate the failure rate by runs of its own, fewer where time is limited; None where no
+        run or draw has a verdict.
         """
-        run, drivers = (
-            self._clock.limited(each, RUN) for each in (self._estimating, self._drivers)
+        settings, clock = self._asked.settings, self._clock
+        clock.phase("estimate", own=True)
+        allowed, ran = None, self.unseen.outcomes.executed
+        if clock.finite:
+            if not ran.any():
+                return None
+            room = self._screen.within if self._screen is not None else unlimited
+            theta, outcomes = self.unseen.theta[ran], self.unseen.outcomes.take(ran)
+            allowed = Allowance(lambda: clock.over, room, theta, outcomes)
+        return _estimate(
+            self._problem, self._asked.source, self._more, self._drivers, every, settings, allowed
         )
-        with suppress(TimeOver):
-            return _estimate(
-                self._problem, self._asked.source, run, drivers, every, self._asked.settings
-            )
-        return None
 
-    def _estimating(self, theta: FloatArray, sut: str | None) -> Outcomes:
-        """Outcomes of points (n, d) of the estimate, which its runs keep."""
-        return self._more(theta)
-
-    def _bound(self, every: Episodes, cut: bool) -> DrawnBound | None:
+    def _bound(self, every: Episodes) -> DrawnBound | None:
         """Draw until the bound holds that `settings.until` asks for; None where
         it asks for none.
         """
         asked, until = self._asked, self._asked.settings.until
         if until is None or self._plays is None:
             return None
+        self._clock.phase("draws for the bound", own=True)
         failed = every.theta[every.outcomes.executed & every.outcomes.collision]
         return draws_until(
             until, asked.space, asked.prior, self._plays, self._refuting, failed,
-            asked.settings.seed, lambda: cut or self._clock.over,
+            asked.settings.seed, lambda: self._clock.over,
             self._drawing(draws_needed(until)),
         )  # fmt: skip
 
@@ -655,7 +701,7 @@ def _all_errors(parts: Sequence[Outcomes]) -> bool:
 
 
 _DRAWN_UNTIL = 0.3
-"""Share of the time after which nothing more is drawn"""
+"""Share of the search's time after which nothing more is drawn"""
 
 
 def domain_of(scenario: Path, space: Space, recorded: Recorded, settings: SearchSettings) -> Domain:
@@ -853,6 +899,7 @@ def _estimate(
     drivers: Drivers,
     episodes: Episodes,
     settings: SearchSettings,
+    allowed: Allowance | None,
 ) -> Estimate:
     """Estimate the failure rate of the system."""
     assert problem.prior is not None
@@ -862,7 +909,7 @@ def _estimate(
         settings.seed,
         judges=judges_of(settings.judges, settings.domain),
     )
-    found = estimate(problem.prior, run, drivers, known, problem.plays, chosen)
+    found = estimate(problem.prior, run, drivers, known, problem.plays, chosen, allowed)
     return found._replace(driving=driving(recorded, problem.space, problem.prior))
 
 

@@ -149,7 +149,7 @@ def xosc_generate(
                 _drawn(search, draw, quiet)
             raise typer.Exit(ExitCode.PASSED)
         found = [
-            _found(search, wanted, quiet, source.is_dir(), clock.shared(left))
+            _found(search, wanted, quiet, source.is_dir(), partial(clock.shared, left))
             for left, search in zip(range(len(searches), 0, -1), searches, strict=True)
         ]
     raise typer.Exit(
@@ -248,7 +248,11 @@ def _drawn(search: Search, count: int, quiet: bool) -> None:
 
 
 def _found(
-    search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool, clock: SearchClock
+    search: Search,
+    wanted: Sequence[Fate],
+    quiet: bool,
+    catalogue: bool,
+    clock: Callable[[Callable[[str], object]], SearchClock],
 ) -> ExitCode:
     """Search one scenario; passed if there are edge cases, or with `--against`,
     if no failure has one of the fates.
@@ -263,16 +267,21 @@ def _found(
     settings, scenario, compared = search.settings, search.scenario, None
     try:
         before = Before.of(search.against, scenario) if search.against is not None else None
+        if not quiet:
+            say(_begun(search), to=sys.stderr)
         with progress_bar(scenario.stem, settings.budget, quiet) as progress:
             generated = generate(
                 scenario, partial(_likely, search), search.out, settings, progress,
                 interim=lambda made: render(scenario, made, settings, search.out),
-                drawing=lambda needed: progress.below("draws", needed), clock=clock,
+                drawing=lambda needed: progress.below("draws", needed),
+                clock=clock(progress.phase),
+                forecast=lambda least, most: None if quiet else _forecast(search, least, most),
             )  # fmt: skip
-        if before is not None:
-            compared = regression(before, scenario, Tried.of(generated), settings)
-        assured = Assurance.of(scenario, generated, settings)
-        page = write_report(scenario, generated, settings, search.out, compared, assured)
+            progress.phase("report")
+            if before is not None:
+                compared = regression(before, scenario, Tried.of(generated), settings)
+            assured = Assurance.of(scenario, generated, settings)
+            page = write_report(scenario, generated, settings, search.out, compared, assured)
     except UsageError as error:
         if not catalogue or isinstance(error, NotWritten):
             raise
@@ -307,9 +316,44 @@ def _found(
     return ExitCode.PASSED if done else ExitCode.FINDING
 
 
+def _begun(search: Search) -> str:
+    """Say what a search does, in its budget and besides."""
+    from generation.estimation.estimate import RUNS
+    from generation.pipeline import drawn_of
+
+    settings = search.settings
+    draws = drawn_of(settings.budget)
+    besides = ["plays in arrays", "careful drivers in its failures"]
+    if settings.estimate:
+        besides.append(f"up to {min(RUNS, settings.budget)} runs of --estimate and such drivers")
+    besides.append(f"{many(1 + settings.repeat, 'run')} of each edge case again")
+    if settings.until is not None:
+        besides.append("draws of --until")
+    limit = "--minutes limits all"
+    if settings.minutes is not None:
+        limit = f"all of it in about {settings.minutes:g} min"
+    return (
+        f"{search.scenario.stem}: {many(draws, 'unguided draw')} and up to "
+        f"{many(settings.budget - draws, 'run')} of {settings.method}; besides: "
+        f"{', '.join(besides)}; {limit}"
+    )
+
+
+_MINUTE = 60.0
+
+
+def _forecast(search: Search, least: float, most: float) -> None:
+    """Say how long the rest takes, where no limit says so."""
+    if search.settings.minutes is None and least > _MINUTE / 2.0:
+        low, high = (max(round(each / _MINUTE), 1) for each in (least, most))
+        span = f"{low} to {high}" if high > low else f"{low}"
+        say(f"{search.scenario.stem}: about {span} min more, as fast as so far", to=sys.stderr)
+
+
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
     from generation.report.report import basis
+    from generation.search.gate import Share
 
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
@@ -320,9 +364,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     errors, drawn = outcomes.error[outcomes.status == "error"], generated.statement
     if len(errors):
         yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
+    low, high = Share(drawn.failing, drawn.draws).interval
     yield (
         f"  {many(drawn.draws, 'unguided draw')} of the density: "
-        f"{many(drawn.failing, generated.failure)}; {_prior(generated)}"
+        f"{many(drawn.failing, generated.failure)} ({low:.2%} to {high:.2%}); {_prior(generated)}"
     )
     chosen = f", chosen by {many(generated.plays, 'play')}" if generated.plays else ""
     yield from _sought(generated, chosen)
@@ -347,6 +392,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         else f": {_nothing(generated)}"
     )
     yield f"  {many(len(cases), 'edge case')}{worth}"
+    yield from _chosen(generated, settings)
     if cases.repeats is not None and len(cases.repeats.again):
         yield f"  {cases.repeats}"
     if by := cases.prevented_by():
@@ -368,10 +414,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {generated.bound}"
     yield f"  {basis(generated)}"
     if generated.unestimated:
-        yield "  no estimate: the time was over before; more --minutes go on with its runs"
+        yield "  no estimate: no run or draw has a verdict"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines(generated.failure))
-    yield from (f"  {path}" for path in generated.files[:_LISTED])
+    yield from (f"  {path}{_alone(path)}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield (
             f"  and {many(len(generated.files) - _LISTED, 'more file')} in "
@@ -405,13 +451,34 @@ def _course(generated: Generated, settings: SearchSettings) -> Iterator[str]:
         yield f"  {generated.judged}"
     if generated.cut:
         yield (
-            f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it "
-            "again to go on"
+            f"  ended by --minutes {settings.minutes:g} before its budget of {budget}: the same "
+            "command goes on"
         )
     elif guidance.saturated:
         yield (
             f"  ended before its budget of {budget}: nothing failed for long that is "
             "unlike known failures"
+        )
+
+
+def _alone(path: Path) -> str:
+    """Say what the file of a density can't."""
+    if not path.name.endswith("_density.xosc"):
+        return ""
+    return " draws each parameter on its own; --draw N draws them together"
+
+
+def _chosen(generated: Generated, settings: SearchSettings) -> Iterator[str]:
+    """Yield a line on failures that are no edge cases."""
+    every, cases = generated.episodes, generated.cases
+    failing = every.outcomes.executed & every.outcomes.collision
+    left = int(failing.sum()) - int(cases.outcomes.collision.sum())
+    if len(cases) and left > 0 and generated.gate.refusal is None:
+        foreseeable = int(generated.prior.foreseeable(every.theta[failing]).sum())
+        yield (
+            f"  of {many(int(failing.sum()), generated.failure)} in all runs {foreseeable} are "
+            f"foreseeable; the other {left} are no cases: not foreseeable, not prevented by a "
+            f"careful driver, or nearer than {settings.choice.apart:.0%} of the ranges to a case"
         )
 
 

@@ -3,13 +3,15 @@ in arrays, or draws."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from generation.clock import TimeOver
 from generation.estimation.probability import (
     ControlVariate,
     Driving,
@@ -25,7 +27,7 @@ from generation.search.outcomes import JUDGES, Drivers, Evaluate, Outcomes, join
 from generation.search.problem import Plays
 from generation.space.density.models.kernels import KDE, scott
 from generation.space.density.prior import Prior, until_possible
-from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.packages import optional
 from schemas.common.terminal.text import many
 
@@ -216,13 +218,15 @@ _DEFENSIVE, _LEARNT = 0.2, 0.1
 _BLOCK, _BLOCKS, _SOUGHT = 16_384, 16, 400
 """Draws of the prior that are played at a time, how often at most, and failures at which it stops
 """
+_CONTROLLED = 32_768
+"""Draws of the proposal that are played"""
+MOST_LOOKED = _BLOCK * _BLOCKS + _CONTROLLED
+"""Points that an estimate plays at most, without those of judges"""
 _STAGES = 3
 """Without plays, stages of as many runs: each looks where the runs before it say"""
 _SURE, _UNSURE, _MOST = 0.5, 0.1, 1600
 """Shares of a forest above which it takes a draw for a failure, and for one that may be; how many
 of the latter are kept"""
-_CONTROLLED = 32_768
-"""Draws of the proposal that are played"""
 _LEAST = 30
 """Fewest failures that a proposal is made of"""
 
@@ -258,6 +262,7 @@ class Estimate(NamedTuple):
         driving: how often recordings have the manoeuvre, for rates; or why there are none.
         failing: the draws that fail, for probabilities of parts of the failures; None where none
             was kept.
+        drawn: unguided draws among the runs, as time was limited.
     """
 
     probabilities: dict[str, Probability]
@@ -266,6 +271,7 @@ class Estimate(NamedTuple):
     known: int
     driving: Driving | str = ""
     failing: FailingDraws | None = None
+    drawn: int = 0
 
     def lines(self, failure: str = FAILURE) -> Iterator[str]:
         """Yield the estimate in lines of text, for a terminal.
@@ -278,6 +284,10 @@ class Estimate(NamedTuple):
             if self.known
             else "draws of the prior, as too few failures are known"
         )
+        if self.drawn:
+            unguided = f"the {many(self.drawn, 'unguided draw')}"
+            own = self.runs - self.drawn
+            origin = f"{unguided}, and {origin}" if own else f"{unguided}, no time for more"
         yield f"P(failure | manoeuvre), 95 % intervals, {many(self.runs, 'run')}: {origin}"
         if self.failed:
             yield f"  {many(self.failed, 'more run')} failed, and count for nothing"
@@ -342,6 +352,21 @@ class Known(NamedTuple):
         return cls(np.empty((0, len(prior.names))), np.empty(0, bool))
 
 
+class Allowance(NamedTuple):
+    """Time of an estimate.
+
+    Attributes:
+        over: whether it is over. room: points that can be played in a share of what is left.
+        drawn: draws (n, d) of the prior. outcomes: their outcomes. They count as runs of the
+            estimate, which is one however little time there is.
+    """
+
+    over: Callable[[], bool]
+    room: Callable[[float], float]
+    drawn: FloatArray
+    outcomes: Outcomes
+
+
 class _Played(NamedTuple):
     """Weighted points, their outcomes, and where a careful driver survives."""
 
@@ -357,6 +382,7 @@ def estimate(
     known: Known,
     plays: Plays | None = None,
     settings: EstimateSettings = EstimateSettings(),
+    allowed: Allowance | None = None,
 ) -> Estimate:
     """Estimate how often the system fails.
 
@@ -365,50 +391,50 @@ def estimate(
         evaluate: runs points with the system under test. drivers: with other ones.
         known: runs of before: the first proposal is made of these where there are no plays.
         plays: plays points without a simulator; None where there is none.
+        allowed: time for it; None for no limit.
 
     Raises:
         UsageError: the known failures make no proposal.
     """
     generator = np.random.default_rng(settings.seed)
-    stages, thetas, parts, looked = list[Stage](), list[FloatArray](), list[Outcomes](), 0
     known = known._replace(theta=prior.spread(known.theta, generator))
+    ran = _Runs(evaluate, partial(survivors, drivers=drivers, judges=settings.judges), allowed)
+    if allowed is not None:
+        ran.known(prior.spread(allowed.drawn, generator), allowed.outcomes)
+    proposal, looked = None, 0
     # Plays tell before the first run where failures are; runs have to look in stages.
     for runs in _shared(settings.runs, _STAGES if plays is None else 1):
-        proposal, failures = (
-            _failures_on(prior, plays, generator)
-            if plays is not None
-            else _learnt(prior, known, generator)
-        )
+        if allowed is not None and allowed.over():
+            break
+        proposal, failures = _proposed(prior, plays, known, generator, allowed)
         looked = failures if proposal is not None else looked
         theta = (
             _spread(prior, runs, generator)
             if proposal is None
             else proposal.sample(runs, generator)
         )
-        outcomes = evaluate(theta)
-        theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
-        stages.append(Stage(len(theta), proposal))
-        thetas.append(theta)
-        parts.append(outcomes)
+        theta, failing = ran(theta, proposal)
         # What this stage has run tells the next one where to look.
         known = Known(
-            np.concatenate([known.theta, theta]),
-            np.concatenate([known.failing, outcomes.collision]),
+            np.concatenate([known.theta, theta]), np.concatenate([known.failing, failing])
         )
-    drawn, theta = Stages(stages), np.concatenate(thetas)
+    drawn, theta = Stages(ran.stages), np.concatenate(ran.theta)
     # Each draw weighs as one of the mixture of all stages, whichever stage drew it.
-    real = _judged(theta, joined(parts), drawn, drivers, settings.judges)
+    real = _Played(drawn.weights(theta), joined(ran.outcomes), np.concatenate(ran.prevented))
     controls: tuple[_Played, _Played] | None = None
-    if plays is not None and proposal is not None and settings.controlled and len(theta):
+    # With draws of the prior among the runs, draws of the proposal are no draws of the mixture.
+    controlled = settings.controlled and allowed is None
+    if plays is not None and proposal is not None and controlled and len(theta):
         many = proposal.sample(_CONTROLLED, generator)
         own, others = (
             _judged(rows, plays(rows), drawn, plays, settings.judges) for rows in (theta, many)
         )
         controls = own, others
-    probabilities, ratios = {}, np.zeros((settings.resampled, len(theta)))
-    colliding = real.outcomes.collision
+    probabilities, colliding = {}, real.outcomes.collision
     # Only failures enter the sums, so densities of resampled recordings are compared there alone.
-    ratios[:, colliding] = _ratios(prior, theta[colliding], settings, generator)
+    resampled = _ratios(prior, theta[colliding], settings, generator, allowed)
+    ratios = np.zeros((len(resampled), len(theta)))
+    ratios[:, colliding] = resampled
     for name, failing in _events(real).items():
         control = None
         if controls is not None:
@@ -442,7 +468,7 @@ def estimate(
             control_rows,
         )
     )
-    return Estimate(probabilities, len(theta), settings.runs - len(theta), looked, failing=kept)
+    return Estimate(probabilities, len(theta), ran.failed, looked, failing=kept, drawn=ran.drawn)
 
 
 def _colliding(theta: FloatArray, played: _Played) -> WeightedRows:
@@ -451,18 +477,29 @@ def _colliding(theta: FloatArray, played: _Played) -> WeightedRows:
     return WeightedRows(theta[rows], played.weights[rows], len(theta))
 
 
+_RESAMPLED = 5
+"""Densities between two looks at the clock"""
+
+
 def _ratios(
-    prior: Prior, theta: FloatArray, settings: EstimateSettings, generator: np.random.Generator
+    prior: Prior,
+    theta: FloatArray,
+    settings: EstimateSettings,
+    generator: np.random.Generator,
+    allowed: Allowance | None,
 ) -> FloatArray:
-    """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where
-    none can be resampled."""
-    none = np.zeros((settings.resampled, len(theta)))
-    ratios = (
-        prior.log_ratios(theta, settings.resampled, generator)
-        if len(theta) and settings.resampled
-        else none
-    )
-    return ratios if len(ratios) else none
+    """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings, fewer where
+    time is over; 0 where none can be resampled."""
+    n = settings.resampled
+    if not len(theta) or not n:
+        return np.zeros((n, len(theta)))
+    parts = [prior.log_ratios(theta, n if allowed is None else min(_RESAMPLED, n), generator)]
+    while allowed is not None and len(parts[0]) and sum(map(len, parts)) < n:
+        if allowed.over():
+            break
+        parts.append(prior.log_ratios(theta, _RESAMPLED, generator))
+    ratios = np.concatenate(parts)
+    return ratios if len(ratios) else np.zeros((n, len(theta)))
 
 
 def _shared(runs: int, stages: int) -> list[int]:
@@ -472,12 +509,108 @@ def _shared(runs: int, stages: int) -> list[int]:
     return [runs * (stage + 1) // stages - runs * stage // stages for stage in range(stages)]
 
 
+_RUN = 20
+"""Points that are run, and judged, between two looks at the clock"""
+
+
+class _Runs:
+    """Runs of an estimate, with the verdicts of judges.
+
+    Args:
+        evaluate: runs points. prevented: failures (n, d) that a judge survives. allowed: time.
+
+    Attributes:
+        stages, theta, outcomes, prevented: each stage, and its points, as far as they were run.
+        failed: points that were run without a verdict. drawn: those that were known.
+    """
+
+    def __init__(
+        self,
+        evaluate: Evaluate,
+        prevented: Callable[[FloatArray], BoolArray],
+        allowed: Allowance | None,
+    ) -> None:
+        self._evaluate, self._prevented, self._allowed = evaluate, prevented, allowed
+        self.stages, self.theta = list[Stage](), list[FloatArray]()
+        self.outcomes, self.prevented = list[Outcomes](), list[BoolArray]()
+        self.failed = self.drawn = 0
+
+    def known(self, theta: FloatArray, outcomes: Outcomes) -> None:
+        """Add draws (n, d) of the prior that were run; a part of them at least."""
+        for rows in self._parts(len(theta), first=True):
+            self.drawn += len(self._add(theta[rows], outcomes.take(rows), None)[0])
+
+    def __call__(
+        self, theta: FloatArray, proposal: Proposal | None
+    ) -> tuple[FloatArray, BoolArray]:
+        """Run points (n, d) of a stage, as many as there is time for: those with a verdict, and
+        which of them fail."""
+        ran, failing = [theta[:0]], [np.empty(0, bool)]
+        for rows in self._parts(len(theta)):
+            points, outcomes = self._add(theta[rows], self._evaluate(theta[rows]), proposal)
+            ran.append(points)
+            failing.append(outcomes.collision)
+        return np.concatenate(ran), np.concatenate(failing)
+
+    def _parts(self, n: int, first: bool = False) -> Iterator[IntArray]:
+        """Yield rows of n points, all at once without a limit."""
+        size = n if self._allowed is None else _RUN
+        for start in range(0, n, max(size, 1)):
+            if self._allowed is not None and self._allowed.over() and not (first and start == 0):
+                break
+            yield np.arange(start, min(start + size, n))
+
+    def _of(self, proposal: Proposal | None) -> bool:
+        """Whether the last stage is of a proposal."""
+        return bool(self.stages) and self.stages[-1].proposal is proposal
+
+    def _add(
+        self, theta: FloatArray, outcomes: Outcomes, proposal: Proposal | None
+    ) -> tuple[FloatArray, Outcomes]:
+        self.failed += int((~outcomes.executed).sum())
+        theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
+        before = self.stages.pop().number if self._of(proposal) else 0
+        self.stages.append(Stage(before + len(theta), proposal))
+        self.theta.append(theta)
+        self.outcomes.append(outcomes)
+        prevented = outcomes.collision.copy()
+        # Each judge costs a run a point: only failures are driven again.
+        prevented[prevented] = self._prevented(theta[prevented])
+        self.prevented.append(prevented)
+        return theta, outcomes
+
+
+def _proposed(
+    prior: Prior,
+    plays: Plays | None,
+    known: Known,
+    generator: np.random.Generator,
+    allowed: Allowance | None,
+) -> tuple[Proposal | None, int]:
+    """The proposal of the next stage, and of how many failures it is made."""
+    if plays is None:
+        return _learnt(prior, known, generator)
+    proposal, failures = _failures_on(prior, plays, generator, allowed)
+    if proposal is None and allowed is not None:
+        # Few plays have few failures: the search may have found more.
+        return _learnt(prior, known, generator)
+    return proposal, failures
+
+
 def _failures_on(
-    prior: Prior, plays: Plays, generator: np.random.Generator
+    prior: Prior, plays: Plays, generator: np.random.Generator, allowed: Allowance | None
 ) -> tuple[Proposal | None, int]:
     """The proposal of draws of the prior that fail in arrays, and how many there are; None where
     they are too few."""
-    failures = _draws(prior, lambda theta: plays(theta).collision.astype(np.float64), generator)[0]
+
+    def failing(theta: FloatArray) -> FloatArray:
+        return plays(theta).collision.astype(np.float64)
+
+    room = math.inf if allowed is None else _LOOKED * allowed.room(1.0)
+    try:
+        failures = _draws(prior, failing, generator, room)[0]
+    except TimeOver:
+        return None, 0
     return Proposal(prior, _DEFENSIVE, failures) if len(failures) >= _LEAST else None, len(failures)
 
 
@@ -503,27 +636,41 @@ def _learnt(
     ), len(failures)
 
 
+_LOOKED = 0.3
+"""Share of the time in which draws of the prior are played"""
+
+
 def _draws(
-    prior: Prior, score: Callable[[FloatArray], FloatArray], generator: np.random.Generator
+    prior: Prior,
+    score: Callable[[FloatArray], FloatArray],
+    generator: np.random.Generator,
+    room: float = math.inf,
 ) -> tuple[FloatArray, FloatArray]:
     """Draws of the prior whose score says that they fail, and those that may fail, these among
-    them."""
+    them.
+
+    Args:
+        room: draws that there is time for.
+    """
     sure, unsure = list[FloatArray](), list[FloatArray]()
-    for _ in range(_BLOCKS):
-        theta = _spread(prior, _BLOCK, generator)
+    for block in range(_BLOCKS):
+        n = int(min(_BLOCK, room - block * _BLOCK))
+        if n <= 0:
+            break
+        theta = _spread(prior, n, generator)
         scores = score(theta)
         sure.append(theta[scores > _SURE])
         unsure.append(theta[scores > _UNSURE])
         if sum(map(len, sure)) >= _SOUGHT:
             break
-    return np.concatenate(sure), np.concatenate(unsure)
+    none = np.empty((0, len(prior.names)))
+    return np.concatenate([none, *sure]), np.concatenate([none, *unsure])
 
 
 def _judged(
     theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers, judges: Sequence[str]
 ) -> _Played:
     preventable = outcomes.collision.copy()
-    # Each judge costs a run a point: only failures are driven again.
     preventable[preventable] = survivors(theta[preventable], drivers, judges)
     return _Played(drawn.weights(theta), outcomes, preventable)
 

@@ -151,12 +151,13 @@ class Searched(StageFinding):
             scenario.
         error: why nothing was searched; empty where it was.
         pinned: values of parameters that are not searched.
-        calls, failed_runs: runs, and those that ended with an error or inconclusive, of which
-            nothing is known.
+        calls, failed_runs: sought runs, and those that ended with an error or inconclusive, of
+            which nothing is known.
         errors: those that ended with an error.
         run_error: what most of these say.
-        collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of
-            earlier rounds as well.
+        draws, drawn: unguided draws that ran before the sought runs, and their collisions.
+        collisions, distinct, new: collisions of sought runs, those unlike each other, and those
+            unlike the ones of earlier rounds as well.
         regions: groups of the failures, the most important first.
         failed: parameters of the failures, one a row, no two alike.
         real, tried: recorded parameters and those of the runs, thinned out for a plot.
@@ -174,6 +175,8 @@ class Searched(StageFinding):
     failed_runs: int = 0
     errors: int = 0
     run_error: str = ""
+    draws: int = 0
+    drawn: int = 0
     collisions: int = 0
     distinct: int = 0
     new: int = 0
@@ -379,25 +382,21 @@ class LoopResult:
         return self.played, self.scenarios, *(round_.runs for round_ in self.rounds)
 
     @property
-    def sound(self) -> bool:
-        """Whether everything was done: all inputs were read and are valid, no run ended with an
-        error, no search was empty.
+    def unsound(self) -> list[str]:
+        """Reasons for which a loop is not sound: inputs that can't be read, runs that ended with
+        errors, empty searches.
 
         What the system under test does wrong is another matter, and what a loop is for.
         """
-        rounds = [
-            stage
-            for round_ in self.rounds
-            for stage in (*round_.searches, round_.runs, round_.recognised)
-        ]
-        return not (
-            self.checked.problems
-            or any(
-                stage.failures for stage in (self.recognised, self.played, self.scenarios, *rounds)
-            )
-        )
+        stages: list[StageFinding] = [self.recognised, self.played, self.scenarios]
+        for round_ in self.rounds:
+            stages += [*round_.searches, round_.runs, round_.recognised]
+        found = [f"{name}: {error}" for stage in stages for name, error in stage.failures.items()]
+        return [*self.checked.problems, *found]
 
 
+_NAMED = 3
+"""Failed runs that a line names"""
 _STATES = {
     "passed": "passed",
     "failed": "failed",
@@ -492,11 +491,15 @@ def _searched(found: Searched) -> str:
         else ""
     )
     near = sum(case.verdict == CaseVerdict.VIOLATION for case in found.cases)
+    cases = [many(len(found.cases) - near, "foreseeable and preventable collision")]
+    if near:
+        cases.append(f"{near} without a collision, nearer than RSS allows")
+    unlike = f" ({found.distinct} unlike each other, {found.new} new)" if found.collisions else ""
     return (
-        f"{found.title}: {many(found.calls, 'run')}{failed}, "
-        f"{many(found.collisions, 'collision')}, {found.distinct} of them "
-        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written"
-        f"{f' ({near} without a collision, nearer than RSS allows)' if near else ''}; "
+        f"{found.title}: {many(found.draws, 'unguided draw')} with "
+        f"{many(found.drawn, 'collision')}, {many(found.calls, 'sought run')}{failed} with "
+        f"{many(found.collisions, 'collision')}{unlike}; "
+        f"{many(len(found.cases), 'edge case')} written: {', '.join(cases)}; "
         f"density of {prior(found.prior)}"
     )
 
@@ -507,6 +510,10 @@ def _ran(found: Ran) -> str:
     told = f"{many(len(states), 'run')}: " + ", ".join(
         f"{states.count(state)} {word}" for state, word in _STATES.items()
     )
+    failed = [run.name for runs in found.files.values() for run in runs if run.state == "failed"]
+    if failed:
+        more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
+        told = f"{told}; failed: {', '.join(failed[:_NAMED])}{more}"
     # Counted against what ran, not against --sample: an interrupted file has run fewer.
     left = sum(size - len(found.files.get(name, ())) for name, size in found.sampled.items())
     return (

@@ -122,6 +122,7 @@ def search(
     except ToolchainError as error:
         return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
     sought, cases = failures(made.space, made.history, known), list(_cases(made, out))
+    drawn = made.statement
     # Those beyond the limits would stretch the plot over a range that is never searched.
     real = target.recorded(made.space).within(made.space).theta
     # Where all draws end with errors nothing is sought: these say why.
@@ -143,6 +144,8 @@ def search(
         failed_runs=int((~outcomes.executed).sum()),
         errors=int((outcomes.status == "error").sum()),
         run_error=mostly,
+        draws=drawn.draws,
+        drawn=drawn.failing,
         collisions=int(outcomes.collision.sum()),
         distinct=sought.collisions,
         new=sought.new,

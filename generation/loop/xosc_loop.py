@@ -121,7 +121,13 @@ def xosc_loop(
     failing = found.against is not None and found.against.fails(*wanted)
     if found.crashed:
         raise typer.Exit(ExitCode.INTERNAL)
-    if not found.sound or failing:
+    if found.unsound or failing:
+        reasons = found.unsound[:1]
+        if len(found.unsound) > 1:
+            reasons.append(f"{len(found.unsound) - 1} more, see above")
+        if failing:
+            reasons.append("failures as --fail-if says, or nothing is known of them")
+        say(f"{NAME}: exit code 1: {'; '.join(reasons)}", to=sys.stderr)
         raise typer.Exit(ExitCode.FINDING)
     raise typer.Exit(
         ExitCode.INCONCLUSIVE if found.inconclusive and not allow_inconclusive else ExitCode.PASSED

@@ -67,7 +67,11 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     # Last, since it says what all before rest on.
     stated.append(_sentence(basis(generated)))
     if estimate is None:
-        why = ": the time was over before." if generated.unestimated else "; --estimate does that."
+        why = (
+            ": no run or draw has a verdict."
+            if generated.unestimated
+            else "; --estimate does that."
+        )
         often = f"How often traffic makes it fail was not estimated{why}"
         return [failed, *refused, *lost, *stated, often]
     traffic = "simulated traffic" if generated.recorded.simulated else "traffic"

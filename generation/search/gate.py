@@ -224,7 +224,7 @@ class Gate(NamedTuple):
                 f"collisions in {self.drawn} draws of the density; {of}nothing is recorded "
                 "that could be replayed"
             )
-        where = ", others than the unguided ones, in arrays" if self.played else ""
+        where = ", in arrays: not the unguided ones, not run, no edge cases" if self.played else ""
         measured = (
             f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the "
             f"density{where}"

@@ -105,8 +105,9 @@ class SearchSettings(SpaceChoice):
         until: draw in arrays, after the search, until failures that were not found have a
             probability below it, or one stands against it; None for no such draws.
         domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
-        minutes: time for all phases; draws have a third of it, search and estimate end when two
-            thirds are over, whatever is left of the budget; None for no limit.
+        minutes: time for all phases; the search ends when .7 of it are over, or .5 with an
+            estimate, which ends at .75 (`generation.clock`), whatever is left of the budget; None
+            for no limit.
         plays: plays of the system in arrays, about: half of them measure the density, half choose
             runs; 0 for none; None for as many as the budget says, and fewer where the system is
             asked run by run.

@@ -211,8 +211,8 @@ class Writer:
             for column, parameter in enumerate(self._space.parameters)
         )
         description = (
-            f"Recorded parameters of {self._stem}, each on its own: the standard can't express "
-            "how they depend on each other"
+            f"Recorded parameters of {self._stem}, each drawn on its own: the standard can't "
+            "express how they depend on each other; xosc-generate --draw N draws them together"
         )
         document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
         return self._write(f"{self._stem}_density", document, [])

@@ -37,7 +37,7 @@ def test_draws_end_with_their_share_of_the_time_and_are_one_part_at_least(passin
         return joined([passing.run(part) for part in parts]).end_time.tolist()
 
     assert drawn(None) == list(range(400))
-    assert drawn(10.0) == list(range(200)), "a third of 600 s, in parts of 50"
+    assert drawn(10.0) == list(range(150)), "three tenths of the 420 s of a search, in parts of 50"
     assert drawn(0.0) == list(range(50))
     assert drawn(0.0, THETA[:0]) == []
 
@@ -66,12 +66,34 @@ def test_searches_of_a_catalogue_share_one_time_and_loading_counts(passing: Time
     clock = SearchClock(10.0, spent=60.0)
     assert clock.left == pytest.approx(360.0), "seven tenths of 600 s, less what was spent"
     passing.now = 40.0
-    first = clock.shared(2)
+    first = clock.shared(2, print)
     passing.now = 200.0
-    assert not first.over and clock.shared(1).left == pytest.approx(0.7 * 340.0)
+    assert not first.over and clock.shared(1, print).left == pytest.approx(0.7 * 340.0)
     passing.now = 600.0
-    assert first.over and clock.shared(1).over
-    assert not SearchClock(None).shared(3).over
+    assert first.over and clock.shared(1, print).over
+    assert not SearchClock(None).shared(3, print).over
+
+
+def test_phases_after_the_search_have_a_share_of_their_own(passing: Time) -> None:
+    told = list[str]()
+    clock = SearchClock(10.0, tell=told.append)
+    clock.begin(2)
+    clock.phase("search")
+    passing.now = 209.0
+    assert not clock.over and clock.left == pytest.approx(1.0)
+    passing.now = 210.0
+    assert clock.over
+    clock.phase("estimate", own=True)
+    assert clock.left == pytest.approx(120.0) and not clock.over
+    passing.now = 500.0
+    assert clock.over
+    clock.phase("draws", own=True)
+    assert clock.left == pytest.approx(90.0), "what was before took all: a least share in any case"
+    assert told == ["search", "estimate", "draws"]
+    unlimited = SearchClock(None)
+    unlimited.begin(0)
+    unlimited.grant()
+    assert not unlimited.over and not unlimited.finite
 
 
 def test_plays_tell_how_many_there_is_time_for(passing: Time) -> None:
@@ -88,6 +110,7 @@ def test_plays_tell_how_many_there_is_time_for(passing: Time) -> None:
     assert plays.within(0.5) == pytest.approx((0.5 * left - 15.0) / 0.1 + 50)
     assert alone < plays.within(0.5), "of one play no more is promised than it shows"
     assert plays.played == 450
+    assert plays.seconds(1000) == pytest.approx(110.0)
     assert TimedPlays(play, SearchClock(None), 1024).within(0.1) == np.inf
 
 

@@ -13,7 +13,6 @@ import pytest
 
 from generation import clock as clocks
 from generation.pipeline import LEAST, Generated, generate
-from generation.report.report import headline
 from generation.search.settings import SearchSettings
 from generation.space.logical.library import SCENARIOS
 from generation.space.recorded import Recorded, of_recordings, of_samples
@@ -202,28 +201,39 @@ def test_draws_in_arrays_that_measure_the_density_bound_what_was_not_found(tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plays", [0, 1000])
-def test_an_estimate_ends_with_the_time_too_and_goes_on_in_the_next_call(
+def test_an_estimate_has_a_share_of_the_time_and_ends_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plays: int
 ) -> None:
-    settings, runs, ticks = replace(QUICK, plays=plays, estimate=True), list[int](), count()
+    settings, ticks = replace(QUICK, plays=plays, estimate=True), count()
 
-    def kept() -> str:
-        return "".join(path.read_text() for path in tmp_path.glob("*_estimate_*.jsonl"))
+    def kept() -> int:
+        return sum(path.read_text().count("\n") for path in tmp_path.glob("*_estimate_*.jsonl"))
 
     def passing() -> float:
-        """The time is over after the first runs of the estimate, or before its plays."""
-        over = kept() or (plays and sum(runs) == settings.budget)
-        return next(ticks) * 1e-6 + (45.0 if over else 0.0)
+        """The time of the estimate is over after its first runs."""
+        return next(ticks) * 1e-6 + (50.0 if kept() else 0.0)
 
     monkeypatch.setattr(clocks.time, "monotonic", passing)
-    cut = generate(CUT_IN, TRAFFIC, tmp_path, replace(settings, minutes=1.0), runs.append)
+    cut = generate(CUT_IN, TRAFFIC, tmp_path, replace(settings, minutes=1.0))
     monkeypatch.undo()
-    assert cut.unestimated and cut.estimate is None and not cut.cut
-    assert len(cut.history.theta) == 30, "the search had its budget"
-    assert headline("Cut in", "cas", cut)[-1].endswith("estimated: the time was over before.")
+    assert len(cut.history.theta) == 30 and not cut.cut, "the search had its budget"
+    assert cut.estimate is not None and not cut.unestimated
+    assert cut.estimate.drawn == cut.statement.draws == 30
+    assert cut.estimate.runs + cut.estimate.failed == 30 + kept()
+    assert kept() == 20, "of 60: one part"
+    told = "\n".join(cut.estimate.lines())
+    assert "50 runs: the 30 unguided draws, and draws of the prior" in told
     before = kept()
-    assert before.count("\n") == (0 if plays else 20), "the first stage"
     whole = generate(CUT_IN, TRAFFIC, tmp_path, settings)
-    assert whole.estimate is not None and not whole.unestimated
+    assert whole.estimate is not None and whole.estimate.drawn == 0
     assert whole.estimate.runs + whole.estimate.failed == settings.budget
-    assert kept().startswith(before) and kept().count("\n") == settings.budget
+    assert kept() >= before
+
+
+def test_a_search_without_any_time_estimates_by_its_draws(tmp_path: Path) -> None:
+    settings = replace(QUICK, estimate=True, minutes=0.0)
+    made = generate(CUT_IN, TRAFFIC, tmp_path, settings)
+    assert made.cut and made.estimate is not None
+    assert made.estimate.runs == made.estimate.drawn == 20
+    assert "the 20 unguided draws, no time for more" in "\n".join(made.estimate.lines())
+    assert not [*tmp_path.glob("*_estimate_*.jsonl")]

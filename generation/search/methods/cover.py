@@ -228,8 +228,9 @@ class _Search:
         self._ran, self._failed = KnownRows(), KnownRows()
         self._failed.add(self._unit(self._failures))
         self._regions = self._grouped()
-        self._forest, self._process = Forest(), GaussianProcess(_HELD)
         self._plays = problem.plays
+        # Plays need no models, whose library takes seconds to load.
+        self._models = None if self._plays else (Forest(), GaussianProcess(_HELD))
         share, most = settings.played
         # Plays cost little, so traffic is stood for by more draws; the greatest number bounds the
         # matrix of distances in `_Field`.
@@ -239,12 +240,15 @@ class _Search:
             settings.traffic if self._plays is None else played, self._generator
         )
         self._chance: FloatArray | None = None
-        self._emitters: list[Predict] = [
+        self._emitters: list[Predict] = []
+        if self._models is not None:
+            forest, process = self._models
             # The forest splits by single values, so it reads the unit cube; the process has round
             # kernels, so it reads whitened coordinates.
-            lambda theta: self._forest.failing(self._unit(theta)),
-            lambda theta: self._process.failing(self._frame.coordinates(theta)),
-        ]
+            self._emitters = [
+                lambda theta: forest.failing(self._unit(theta)),
+                lambda theta: process.failing(self._frame.coordinates(theta)),
+            ]
         if self._plays is not None:
             verdicts = partial(self._verdicts, self._plays)
             chance = verdicts(self._traffic)
@@ -299,10 +303,11 @@ class _Search:
             fresh.add(new)
             self._off = np.minimum(self._off, fresh.distances(self._standing))
             self._regions = self._grouped()
-        if self._plays is None:
+        if self._models is not None:
+            forest, process = self._models
             outcomes = aside(found.outcomes, failing & ~prevented)
-            self._forest.learn(unit, outcomes)
-            self._process.learn(self._frame.coordinates(found.theta), outcomes)
+            forest.learn(unit, outcomes)
+            process.learn(self._frame.coordinates(found.theta), outcomes)
 
     def _grouped(self) -> IntArray:
         """Region of each known failure (m,), from 0."""
@@ -325,9 +330,9 @@ class _Search:
         keep = self._ran.distances(unit, self._settings.least) >= self._settings.least
         theta, unit = theta[keep], unit[keep]
         ground = _Field.of(unit, self._standing, self._settings)
-        if self._plays is None:
+        if self._models is not None:
             spread = self._settings.spread / (1.0 - self._settings.explored)
-            self._spread(ground, theta, round(spread * n))
+            self._spread(ground, theta, round(spread * n), self._models[1])
         of, known = self._region_of(unit), len(self._shares(0)) - 1
         # Draws near a known failure are covered already and count nothing.
         left = self._off >= self._settings.radius
@@ -341,12 +346,12 @@ class _Search:
             ground.choose(worth, np.where(left, chance, 0.0), part, of, self._shares(part))
         return theta[ground.chosen]
 
-    def _spread(self, ground: _Field, theta: FloatArray, n: int) -> None:
+    def _spread(self, ground: _Field, theta: FloatArray, n: int, process: GaussianProcess) -> None:
         """Choose candidates that together cover most traffic around which nothing was run: half of
         them by draws alone, half where challenges are predicted, by the power of their rank."""
         known = len(self._traffic)
         rows = self._frame.coordinates(np.concatenate([self._traffic, theta]))
-        challenge = self._process.predicted(rows)[0]
+        challenge = process.predicted(rows)[0]
         rank = np.searchsorted(np.sort(challenge[:known]), challenge, "right") / known
         radius = self._settings.radius
         free = self._ran.distances(ground.traffic, radius) >= radius

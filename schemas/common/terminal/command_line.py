@@ -630,9 +630,15 @@ class ProgressBar(Protocol):
     def below(self, doing: str, total: int) -> ProgressBar:
         """Show another bar below, of items that are many a second; with their rate."""
 
+    def phase(self, name: str) -> None:
+        """Show what is being done."""
+
 
 class _NoBar:
     def __call__(self, count: float) -> None:
+        return
+
+    def phase(self, name: str) -> None:
         return
 
     def below(self, doing: str, total: int) -> _NoBar:
@@ -645,29 +651,49 @@ hang"""
 
 
 class _LogLines:
-    """A line on standard error, which is no terminal, now and then."""
+    """A line on standard error, which is no terminal, once a minute. A context manager."""
 
     def __init__(self, doing: str, total: int) -> None:
-        self._doing, self._total, self._done = doing, total, 0.0
-        self._begun = self._told = time.monotonic()
+        self._doing, self._total, self._done, self._phase = doing, total, 0.0, ""
+        self._begun, self._over = time.monotonic(), threading.Event()
+        self._lower: _LogLines | None = None
+
+    def __enter__(self) -> _LogLines:
+        # A thread, as one item, or what precedes the first one, may take minutes.
+        threading.Thread(target=self._lines, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
 
     def __call__(self, count: float) -> None:
         self._done += count
-        now = time.monotonic()
-        if now - self._told >= _PATIENCE:
-            self._told = now
-            share, taken = f"{self._done:,.0f} of {self._total:,}", now - self._begun
-            say(f"{self._doing}: {share} after {taken:,.0f} s", to=sys.stderr)
 
     def below(self, doing: str, total: int) -> _LogLines:
-        return _LogLines(doing, total)
+        self._lower = _LogLines(doing, total)
+        return self._lower
+
+    def phase(self, name: str) -> None:
+        self._phase, self._lower = name, None
+
+    def _lines(self) -> None:
+        while not self._over.wait(min(_PATIENCE, threading.TIMEOUT_MAX)):
+            with suppress(OSError, ValueError):  # the stream may be closed
+                say(self._line(), to=sys.stderr)
+
+    def _line(self) -> str:
+        taken = time.monotonic() - self._begun
+        if self._lower is not None:
+            return self._lower._line()
+        phase = self._phase and f", {self._phase}"
+        return f"{self._doing}: {self._done:,.0f} of {self._total:,} after {taken:,.0f} s{phase}"
 
 
 class _Bar:
     """A task of a `rich.progress.Progress`."""
 
     def __init__(self, tasks: Any, doing: str, total: int, **shown: Any) -> None:
-        self._tasks, self._done = tasks, 0.0
+        self._tasks, self._done, self._doing = tasks, 0.0, doing
         self._task = tasks.add_task(doing, total=total, **shown)
 
     def __call__(self, count: float) -> None:
@@ -678,6 +704,9 @@ class _Bar:
     def below(self, doing: str, total: int) -> _Bar:
         return _Bar(self._tasks, doing, total, rated=True)
 
+    def phase(self, name: str) -> None:
+        self._tasks.update(self._task, description=f"{self._doing}, {name}")
+
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
@@ -686,8 +715,12 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[ProgressBar]:
 
     It shows the elapsed time, which advances during long items too, and the remaining time.
     """
-    if quiet or not sys.stderr.isatty():
-        yield _NoBar() if quiet else _LogLines(doing, total)
+    if quiet:
+        yield _NoBar()
+        return
+    if not sys.stderr.isatty():
+        with _LogLines(doing, total) as lines:
+            yield lines
         return
     from rich.console import Console
     from rich.progress import (

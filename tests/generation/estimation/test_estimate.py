@@ -10,6 +10,7 @@ import pytest
 from generation.estimation.estimate import (
     FAILURE,
     PREVENTABLE,
+    Allowance,
     EstimateSettings,
     Known,
     Proposal,
@@ -314,3 +315,24 @@ def test_intervals_of_parts_hold_the_truth_where_plays_fail_too_often(
         truth = part * share
         held += found.interval[0] <= truth <= found.interval[1]
     assert held >= 0.9 * repetitions
+
+
+@pytest.mark.parametrize("plays", [None, failing])
+def test_an_estimate_in_little_time_counts_draws_that_were_made(plays: Plays | None) -> None:
+    """Two parts of its runs, then the time is over; the interval holds the truth."""
+    generator = np.random.default_rng(3)
+    drawn, ran = PRIOR.sample(500, generator), list[int]()
+
+    def evaluate(theta: FloatArray) -> Outcomes:
+        ran.append(len(theta))
+        return failing(theta)
+
+    allowed = Allowance(lambda: len(ran) >= 2, lambda share: share * 1e5, drawn, failing(drawn))
+    found = estimate(PRIOR, evaluate, failing, NONE, plays, EstimateSettings(200), allowed)
+    assert (found.runs, found.drawn, ran) == (540, 500, [20, 20])
+    low, high = found.probabilities[FAILURE].interval
+    assert low < TRUTH < high and found.drawn + 40 == found.runs
+    assert plays is None or low > 0.0
+    none = Allowance(lambda: True, lambda share: 0.0, drawn, failing(drawn))
+    least = estimate(PRIOR, evaluate, failing, NONE, plays, EstimateSettings(200), none)
+    assert (least.runs, least.drawn, len(ran)) == (20, 20, 2)

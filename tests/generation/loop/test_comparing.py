@@ -178,7 +178,7 @@ def test_a_version_of_which_no_run_succeeds_never_passes(
         assert set(each.counts) == ({Fate.UNKNOWN} if before else set())
         assert found.fails(Fate.NEW) and found.fails(Fate.STILL_THERE)
         assert f"  {NAMES[0]}: not known ({each.reason})" in closing(result)
-        assert not result.sound
+        assert result.unsound
         assert {
             search.failures[search.title].split(",")[0] for search in result.rounds[0].searches
         } == {"no run succeeded"}

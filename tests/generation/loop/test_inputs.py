@@ -177,6 +177,9 @@ def test_recordings_that_cannot_be_read_are_listed_and_the_rest_goes_on(
         "half.tar.xz": "no tar archive",
         "notes.csv": "not UTF-8 text",
     }
+    last = told.pop()
+    assert last.startswith("xosc-loop: exit code 1: cut/01: ")
+    assert last.endswith("; 2 more, see above")
     for line, (name, reason) in zip(told, reasons.items(), strict=True):
         assert line.startswith(f"xosc-loop: {name}: ")
         assert reason in line

@@ -70,23 +70,25 @@ FINDINGS: list[tuple[StageFinding, str]] = [
             round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway",
             prior=DensitySource(40, own=True),
             parameters=[SearchRange("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20,
-            failed_runs=1, run_error="no lane",
+            failed_runs=1, run_error="no lane", draws=7, drawn=2,
             collisions=5, distinct=4, new=3, cases=[CASE], regions=[REGION], failed=[[5.0]],
             real=[[4.0]], tried=[[5.0]],
         ),
-        "highway cut in: 20 runs (1 with errors or inconclusive, mostly: no lane), "
-        "5 collisions, 4 of them unlike each other (3 new), 1 edge "
-        "case written; density of 40 manoeuvres of these recordings",
+        "highway cut in: 7 unguided draws with 2 collisions, 20 sought runs (1 with errors or "
+        "inconclusive, mostly: no lane) with 5 collisions (4 unlike each other, 3 new); "
+        "1 edge case written: 1 foreseeable and preventable collision; "
+        "density of 40 manoeuvres of these recordings",
     ),
     (
         Searched(round=1, target="x", title="x", scenario="x", prior=DensitySource(40, own=False),
             error="no box"),
         "x was not searched: no box",
     ),
-    (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors"),
+    (Ran(files={"a.xosc": [RUN] * 5}),
+        "5 runs: 0 passed, 5 failed, 0 inconclusive, 0 with errors; failed: a, a, a and 2 more"),
     (
         Ran(files={"a.xosc": [RUN]}, sampled={"a.xosc": 12}),
-        ("1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; 11 parameter sets of 1 "
+        ("1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; failed: a; 11 parameter sets of 1 "
         "variation file left out (--sample)"),
     ),
     (

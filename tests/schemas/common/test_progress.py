@@ -1,7 +1,9 @@
 """Bars of finished items on terminals, those of many items a second with their rate; lines in logs."""
 
 import io
+import re
 import sys
+import time
 
 import pytest
 
@@ -40,14 +42,28 @@ def test_a_short_work_has_no_line_in_a_file(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_log_has_a_line_now_and_then(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    now = 0.0
-    monkeypatch.setattr(command_line.time, "monotonic", lambda: now)
+    """Without an item, too: the first one may take minutes."""
+    monkeypatch.setattr(command_line, "_PATIENCE", 0.01)
+
+    def line() -> str:
+        while not (told := capsys.readouterr().err.splitlines()):
+            time.sleep(0.01)
+        return re.sub(r"after [\d,]+ s", "after … s", told[-1])
+
     with command_line.progress_bar("searching", 1500, quiet=False) as advance:
-        for second in range(0, 200, 10):
-            now = second
-            advance(20)
-    assert capsys.readouterr().err.splitlines() == [
-        "searching: 140 of 1,500 after 60 s",
-        "searching: 260 of 1,500 after 120 s",
-        "searching: 380 of 1,500 after 180 s",
-    ]
+        assert line() == "searching: 0 of 1,500 after … s"
+        advance(140)
+        advance.phase("estimate")
+        line()
+        assert line() == "searching: 140 of 1,500 after … s, estimate"
+        draws = advance.below("draws", 4000)
+        draws(1000)
+        line()
+        assert line() == "draws: 1,000 of 4,000 after … s"
+        advance.phase("report")
+        line()
+        assert line() == "searching: 140 of 1,500 after … s, report"
+    time.sleep(0.05)
+    capsys.readouterr()
+    time.sleep(0.05)
+    assert not capsys.readouterr().err, "it ends with the work"
