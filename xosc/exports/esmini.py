@@ -13,13 +13,13 @@ from pathlib import Path
 
 from schemas.common.fates import kept, lost
 from xosc.distributions import ParameterSpace
-from xosc.document import Document, load, to_bytes
+from xosc.document import Document, load
 from xosc.exports import DOCUMENT_FIELDS
 from xosc.exports.concrete import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import Rule, refuse, remarks
 from xosc.exports.references import catalog_name
-from xosc.exports.standard import distribution, scenario, write_sets
+from xosc.exports.standard import as_written, distribution, scenario, write_sets
 from xosc.resolve import resolve
 
 TARGETS = {"esmini": "scenarios that esmini plays as they are meant"}
@@ -123,7 +123,7 @@ def export(
         draft.note(*document.remarks)
         draft.add(
             catalog_name(source, folder),
-            to_bytes(in_version(document, min(document.version, _NEWEST), draft)),
+            as_written(in_version(document, min(document.version, _NEWEST), draft)),
         )
         return draft.write()
     version = min(document.version, _NEWEST)

@@ -90,7 +90,7 @@ def export(
         return scenario(document, version, Draft(folder, settings))
     draft = Draft(folder, settings)
     draft.note(*document.remarks)
-    draft.add(catalog_name(source, folder), _as_written(_catalog(document, version, draft)))
+    draft.add(catalog_name(source, folder), as_written(_catalog(document, version, draft)))
     return draft.write()
 
 
@@ -123,7 +123,7 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     """
     changed = copied(document)
     draft.note(*document.remarks)
-    take_catalogs(changed, draft, lambda catalog: _as_written(_catalog(catalog, version, draft)))
+    take_catalogs(changed, draft, lambda catalog: as_written(_catalog(catalog, version, draft)))
     try:
         take_roads(changed, draft)
     except NoRoadNetwork as missing:
@@ -132,14 +132,14 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
         rest, _, _ = str(missing).partition(": put it there")
         draft.note(f"{rest}: it is named as before")
     named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
-    draft.add(named, _as_written(in_version(changed, version or changed.version, draft)))
+    draft.add(named, as_written(in_version(changed, version or changed.version, draft)))
 
 
 _OTHER_ENCODING = re.compile(rb"""\sencoding\s*=\s*["'](?!utf-8["'])""", re.IGNORECASE)
 _TAG = re.compile(rb"""<!--.*?-->|<(?:[^<>"']|"[^"]*"|'[^']*')*>""", re.DOTALL)
 
 
-def _as_written(document: Document) -> bytes:
+def as_written(document: Document) -> bytes:
     """Content of a document, with the bytes of its file where both say the same: a diff of both
     shows what has changed, not other spaces, quotes or ends of lines."""
     content = to_bytes(document)
@@ -282,7 +282,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
             "filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc")
         )
         trial.note(*document.remarks)
-        trial.add(draft.folder.name(document.path, document.path.name), _as_written(changed))
+        trial.add(draft.folder.name(document.path, document.path.name), as_written(changed))
         return trial.write()
     except (Unsupported, InvalidFile) as error:
         return write_sets(

@@ -14,6 +14,7 @@ from runner.exchange.exports import TARGETS, find_targets
 from runner.exchange.exports.exporting import Exported, export_runs
 from runner.judging.settings import RunSettings
 from schemas.common import packages
+from schemas.common.terminal.files import LIBRARY
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
 from xosc.exports import standard
@@ -59,6 +60,15 @@ def test_errors_that_stay_in_the_exported_files_are_told(
     (told,) = [line for line in answer.out.splitlines() if "errors stay" in line]
     assert told.startswith("  a.xosc: 3 errors stay, as xosc-check says: ")
     assert "parameterRef: there is no parameter ''" in told and told.count("parameterRef") == 1
+
+
+def test_catalogues_named_and_taken_along_are_the_same_file(
+    xosc_export: Command, tmp_path: Path
+) -> None:
+    for target in ("esmini", "1.2"):
+        names = [LIBRARY / "catalogs" / "vehicles", LIBRARY / "simple_cut_in.xosc"]
+        answer = xosc_export(*names, "--to", target, "--out", tmp_path / target)
+        assert answer.code == 0, answer.err
 
 
 def test_a_folder_is_exported_file_by_file(xosc_export: Command, tmp_path: Path) -> None:
