@@ -34,8 +34,9 @@ from scenariogeneration import xosc as sg
 
 from recognition import recordings as datasets
 from recognition.catalogue import recordings
+from recognition.catalogue.detect import ByRules
 from recognition.catalogue.model import ByModel, load
-from recognition.catalogue.pipeline import SHIPPED, ByRules, build
+from recognition.catalogue.pipeline import SHIPPED, build
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.catalogue.writing import index, write
 from recognition.catalogue.writing.replay import trajectories

@@ -22,8 +22,7 @@ import numpy as np
 from recognition.labels import label
 from recognition.recordings import open as open_data
 from recognition.recordings.source import participant
-from recognition.scenes import Site, site_at, site_of
-from recognition.scenes.lanes import place
+from recognition.scenes import Site, place, site_at, site_of
 from runner.recording import Recording, Track
 from xodr.builders import straight_highway
 

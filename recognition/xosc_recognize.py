@@ -5,7 +5,8 @@ SUMO's traffic, training.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from inspect import cleandoc
@@ -42,7 +43,8 @@ from schemas.common.terminal.options import (
 from schemas.common.terminal.text import alike, many
 
 if TYPE_CHECKING:
-    from recognition.catalogue.pipeline import Recogniser, Summary
+    from recognition.catalogue.detect import Recogniser
+    from recognition.catalogue.pipeline import Summary
     from xosc.writing.versions import Version as Standard
 
 
@@ -137,6 +139,20 @@ Ray = Annotated[
 ]
 
 
+Scenes = Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")]
+KeepModel = Annotated[
+    Path | None,
+    out_folder("Folder for the model as it is afterwards, to label more recordings by."),
+]
+Discover = Annotated[
+    bool,
+    typer.Option(
+        "--discover",
+        help="Also take what the model does not know, or what is of discovered classes.",
+    ),
+]
+
+
 @protected("max_runs")
 @with_settings
 def catalogue(
@@ -150,20 +166,9 @@ def catalogue(
     given: RecordingOptions,
     form: ScenarioFormat,
     sorting: Sorting,
-    scenes: Annotated[
-        Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")
-    ] = "events",
-    keep_model: Annotated[
-        Path | None,
-        out_folder("Folder for the model as it is afterwards, to label more recordings by."),
-    ] = None,
-    discover: Annotated[
-        bool,
-        typer.Option(
-            "--discover",
-            help="Also write scenarios that the model does not know, or of discovered classes.",
-        ),
-    ] = False,
+    scenes: Scenes = "events",
+    keep_model: KeepModel = None,
+    discover: Discover = False,
     jobs: Jobs = 1,
     ray: Ray = None,
     verbose: Talkative = False,
@@ -179,7 +184,7 @@ def catalogue(
     of processes, and after an interruption the same command reads only recordings that were not
     read yet.
     """
-    from recognition.catalogue.pipeline import ByRules, build
+    from recognition.catalogue.pipeline import build
     from recognition.catalogue.recordings import CatalogueSettings
     from recognition.catalogue.writing.write import CatalogueConfig
     from recognition.labels import Rules
@@ -187,22 +192,10 @@ def catalogue(
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
     settings = CatalogueSettings(scenes, given.network, given.columns, rules, config=config)
-    made, note = _recogniser(sorting, discover, keep_model is not None)
-    if discover and made is ByRules:
-        raise UsageError("--discover is for a model that labels; rules discover nothing")
-    if keep_model and made is ByRules:
-        raise UsageError("--keep-model is for a model that labels; rules learn nothing")
-    recogniser = cache(made)
-    summary = build(
-        paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray)
-    )
-    if keep_model:
-        from recognition.catalogue.model import ByModel
-
-        model_after = recogniser()
-        assert isinstance(model_after, ByModel), "rules were refused"
-        model_after.keep(keep_model)
-    _print_note(note, quiet)
+    with _labelling(sorting, discover, keep_model, quiet) as recogniser:
+        summary = build(
+            paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray)
+        )
     code = _report(summary, verbose, quiet)
     if not quiet and summary.classes:
         say(f"catalogue: {out}")
@@ -280,8 +273,8 @@ def label(
 
     The scenarios that they are of are annotated if asked.
     """
-    from recognition.catalogue.pipeline import label_runs
     from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.catalogue.writing.run_labels import label_runs
     from recognition.labels import Rules
 
     settings, (recogniser, note) = (
@@ -307,12 +300,35 @@ def label(
         say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
 
 
+@contextmanager
+def _labelling(
+    sorting: Sorting, discover: bool, keep: Path | None, quiet: bool
+) -> Iterator[Callable[[], Recogniser]]:
+    """Recogniser factory; its model is kept after the work, if that is asked for."""
+    from recognition.catalogue.detect import ByRules
+
+    made, note = _recogniser(sorting, discover, keep is not None)
+    if discover and made is ByRules:
+        raise UsageError("--discover is for a model that labels; rules discover nothing")
+    if keep and made is ByRules:
+        raise UsageError("--keep-model is for a model that labels; rules learn nothing")
+    recogniser = cache(made)
+    yield recogniser
+    if keep:
+        from recognition.catalogue.model import ByModel
+
+        model_after = recogniser()
+        assert isinstance(model_after, ByModel), "rules were refused"
+        model_after.keep(keep)
+    _print_note(note, quiet)
+
+
 def _recogniser(
     sorting: Sorting, discover: bool = False, keep: bool = False
 ) -> tuple[Callable[[], Recogniser], str]:
     """Recogniser factory, and the reason if rules label beside a model that was asked for."""
-    from recognition.catalogue.detect import MODEL, RULES
-    from recognition.catalogue.pipeline import SHIPPED, ByRules
+    from recognition.catalogue.detect import MODEL, RULES, ByRules
+    from recognition.catalogue.pipeline import SHIPPED
 
     if sorting.labels == "rules" and sorting.model is not None:
         raise UsageError("--model and --labels rules exclude each other")
@@ -431,8 +447,9 @@ def inspect(
     lanes and against the traffic. `catalogue` checks the same and refuses what is refused here
     (exit code 3).
     """
-    from recognition.catalogue.recordings import forget, inspected, listed, opened
+    from recognition.catalogue.recordings import inspected
     from recognition.recordings.intake import REFUSED
+    from recognition.recordings.source import forget, listed, opened
 
     forget()
     code = 0
@@ -466,17 +483,17 @@ def find(
         str, WRITTEN, typer.Option(metavar="DIR|URL", help="Store of the findings: folder or URL.")
     ],
     given: RecordingOptions,
-    signalised: Annotated[
-        bool,
-        typer.Option("--signalised", help="Count junctions with traffic lights, too."),
-    ] = False,
+    sorting: Sorting,
+    scenes: Scenes = "events",
+    keep_model: KeepModel = None,
+    discover: Discover = False,
     jobs: Jobs = 1,
     ray: Ray = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Find scenarios in any number of recordings by the rules, without writing any of them.
+    """Find scenarios in any number of recordings, without writing any of them.
 
     Findings are rows of Parquet with the columns of a catalogue's index, in folders by site and
     day, beside a table of the recordings with their exposure. The store may be on any file system
@@ -488,16 +505,17 @@ def find(
     from recognition.labels import Rules
     from runner.batch.pool import Workers
 
-    settings = CatalogueSettings(
-        road=given.network, columns=given.columns, rules=Rules(signalised=signalised)
-    )
-    found = findings.find(
-        paths, out, settings, partial(progress_bar, quiet=quiet), Workers(jobs, ray)
-    )
+    rules = Rules(signalised=sorting.signalised)
+    settings = CatalogueSettings(scenes, given.network, given.columns, rules)
+    with _labelling(sorting, discover, keep_model, quiet) as recogniser:
+        bar = partial(progress_bar, quiet=quiet)
+        found = findings.find(paths, out, settings, bar, Workers(jobs, ray), recogniser)
     if not quiet:
         print(f"{'findings':>9}  class" if found.classes else "nothing new was found")
         for name, count in sorted(found.classes.items(), key=lambda item: (-item[1], item[0])):
             say(f"{count:9}  {name}")
+        if found.excluded:
+            print(f"{found.excluded} vehicles are no ego of a scene")
         before = f", {found.before:,} were in it" if found.before else ""
         say(f"{many(found.read, 'recording')} added to {out}{before}")
     _print_skipped(found.skipped, quiet)

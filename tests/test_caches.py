@@ -31,12 +31,9 @@ INPUTS = "inputs"
 does not read what it has written.
 """
 CACHES = {
-    "recognition.catalogue.recordings._by_name": INPUTS,
+    "recognition.catalogue.pipeline._material": OBJECT,
+    "recognition.catalogue.pipeline.recorded": INPUTS,
     "recognition.catalogue.recordings._loaded": FILE,
-    "recognition.catalogue.recordings._material": OBJECT,
-    "recognition.catalogue.recordings.listed": INPUTS,
-    "recognition.catalogue.recordings.opened": INPUTS,
-    "recognition.catalogue.recordings.recorded": INPUTS,
     "recognition.catalogue.writing.replay._entry": VALUE,
     "recognition.catalogue.writing.replay._form": VALUE,
     "recognition.recordings.formats.commonroad._archive": FILE,

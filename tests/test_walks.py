@@ -86,7 +86,7 @@ WALKS = {
             "recognition.recordings.source:open",
             "recognition.recordings.formats.highd:_read",
             "recognition.scenes:site_of",
-            "recognition.scenes.lanes:place",
+            "recognition.scenes:place",
             "recognition.labels:label",
             "recognition.catalogue.detect:joined",
             "recognition.catalogue.detect:of_findings",

@@ -16,14 +16,13 @@ import numpy as np
 from benchmarks.judging.kinematics import REASONS, Instant, instants
 from recognition import recordings as datasets
 from recognition.catalogue import detect
-from recognition.catalogue.detect import KNOWN, Detection, joined
-from recognition.catalogue.pipeline import Recogniser
-from recognition.catalogue.recordings import CatalogueSettings, looked
+from recognition.catalogue.detect import KNOWN, Detection, Recogniser, joined
+from recognition.catalogue.pipeline import looked
+from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
 from recognition.recordings import Source, cache_roads
-from recognition.scenes import site_of
-from recognition.scenes.lanes import place
+from recognition.scenes import place, site_of
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.storage import read_object

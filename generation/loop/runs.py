@@ -23,7 +23,8 @@ from generation.loop.findings import (
     ShownRun,
     StageFinding,
 )
-from recognition.catalogue.pipeline import ByRules, build
+from recognition.catalogue.detect import ByRules
+from recognition.catalogue.pipeline import build
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.maneuvers.units import Samples, extract_from

@@ -3,17 +3,19 @@ them."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from recognition.labels.classes import Label, LabelledEvent
 from recognition.labels.critical import UNNAMED
 from recognition.recordings.intake import Exclusion
+from recognition.scenes import Site
 from runner.recording import Recording, Track
 from xodr.graph.network import RoadNetwork
 from xodr.model import RoadPoint
@@ -107,6 +109,67 @@ def by_rules(event: LabelledEvent) -> Moment:
         critical=event.critical,
         participants=event.participants,
     )
+
+
+Advance = Callable[[float], None]
+"""Called with the share of some work that is done, after each part of it; they add up to 1."""
+
+
+class Recogniser(Protocol):
+    """Labels moments of recordings: it looks at all of them, then gives the moments of each."""
+
+    @property
+    def sorted_by(self) -> str:
+        """Source of the labels that sort the moments: `RULES` or `MODEL`."""
+        ...
+
+    def look(
+        self,
+        name: str,
+        recording: Recording,
+        site: Site,
+        events: list[LabelledEvent],
+        advance: Advance,
+    ) -> None:
+        """Take in a recording and the events that rules have found in it."""
+        ...
+
+    by_rules: bool
+    """Whether the moments are those of the rules, which depend on no other recording"""
+    discovers: bool
+    """Whether it gives moments of classes that it discovers"""
+    name: str
+    """Tells its labels from those of another one: findings of two are not mixed in one store"""
+
+    def moments(self, name: str) -> list[Moment]:
+        """The moments of a recording that was looked at; asked for once."""
+        ...
+
+
+class ByRules:
+    """The rules alone."""
+
+    sorted_by = RULES
+    by_rules, discovers, name = True, False, RULES
+
+    def __init__(self) -> None:
+        self._events: dict[str, list[LabelledEvent]] = {}
+
+    def look(
+        self,
+        name: str,
+        recording: Recording,
+        site: Site,
+        events: list[LabelledEvent],
+        advance: Advance,
+    ) -> None:
+        """Keep the events."""
+        self._events[name] = events
+        advance(1.0)
+
+    def moments(self, name: str) -> list[Moment]:
+        """One for each event."""
+        return [by_rules(event) for event in self._events.pop(name)]
 
 
 def joined(moments: Iterable[Moment], gap: float) -> list[Detection]:
@@ -312,6 +375,29 @@ class Episode:
     def label(self) -> Label:
         """The class, as far as it is one of the 17."""
         return _LABELS.get(self.title, Label.UNKNOWN)
+
+    def as_json(self) -> str:
+        """Return all of it as text, for `of_json`; numbers keep every digit."""
+        return json.dumps(asdict(self), ensure_ascii=False, default=_plain_number)
+
+    @classmethod
+    def of_json(cls, text: str) -> Episode:
+        """Return the episode that was written as text."""
+        values = json.loads(text)
+        finding = values.pop("finding")
+        if finding is not None:
+            moment = finding.pop("moment")
+            moment |= {
+                "rule": Label(moment["rule"]),
+                "participants": tuple(moment["participants"]),
+            }
+            finding = Detection(Moment(**moment), **finding)
+        return cls(**values, finding=finding)
+
+
+def _plain_number(value: Any) -> Any:
+    """The number of Python's own that a number of numpy is."""
+    return value.item()
 
 
 def of_findings(recording: str, findings: Iterable[Detection], around: Around) -> list[Episode]:

@@ -34,6 +34,7 @@ from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, UsageError, reason
 from schemas.common.policy import current
+from schemas.common.storage import digest
 
 AGREE, WRONG = 0.75, 0.10
 """Least share of rules' events that a model gives the rules' class, and greatest share that gets
@@ -136,12 +137,19 @@ class ByModel:
             a class that it discovered.
         discover: whether moments that are unknown, or of a discovered class, are given as well;
             as on the command line not by default.
+        name: of the model, such as the digest of its file.
         stride: time between two moments of one vehicle, s; a rule's event takes the place of the
             moments about it.
     """
 
     def __init__(
-        self, model: TRFE, *, sorts: bool, discover: bool = False, stride: float = STRIDE
+        self,
+        model: TRFE,
+        *,
+        sorts: bool,
+        discover: bool = False,
+        stride: float = STRIDE,
+        name: str = MODEL,
     ) -> None:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
@@ -152,6 +160,7 @@ class ByModel:
             sorts,
         )
         self._hidden = () if discover else (UNKNOWN, DISCOVERED)
+        self.discovers, self.name = discover, f"{name}, discovering" if discover else name
         self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
         """key of the first moment in the buffer; smaller ones are of what waited there before"""
         self._ranges: dict[str, range] = {}
@@ -161,7 +170,7 @@ class ByModel:
         """unknown moments since classes were looked for the last time"""
         self._finished = False
 
-    by_recording = False
+    by_rules = False
     """Discovered classes come from all recordings together"""
 
     @property
@@ -333,4 +342,5 @@ def load(folder: Path, *, sorts: bool | None = None, discover: bool = False) -> 
         model,
         sorts=objection(unseen_sites(folder)) is None if sorts is None else sorts,
         discover=discover,
+        name=f"{MODEL} {digest((folder / _WEIGHTS).read_bytes())}",
     )

@@ -1,54 +1,63 @@
-"""Recordings to a catalogue, and labels for the results of runs.
+"""Recordings to a catalogue: finding scenarios in them, then writing these.
 
-A catalogue is made in passes over its recordings, each in parallel, by functions of
-`recognition.catalogue.recordings`: `read` loads, places and labels a recording and keeps it on the
-store (a folder of the catalogue); the recogniser looks at each; `episodes` cuts the moments into
-scenes, and `write` writes their scenarios, in blocks; `played` plays each scenario once. Where
-moments do not depend on other recordings, as those of the rules, the first three go over some
-recordings at a time, so that findings are held of these alone. What happens in a run is written
-down about the scenario that it is a run of.
+Each stage goes over recordings in parallel, by functions that other processes import:
+
+- `recognise` has a model look at all recordings, where one labels: it discovers classes from all of
+  them together. Rules need no such stage.
+- `find_in` reads a recording, places it on its roads, labels it, and sets begin and end of the
+  scenarios. `recognition.catalogue.findings` keeps them for later; a catalogue goes on at once.
+- `write_in` writes the scenarios, in blocks; `play_in` plays each once.
+
+A catalogue is found and written some recordings at a time, so that memory holds what is found in
+these alone; each recording that was read waits for its next stages in a copy on disk.
 """
 
 from __future__ import annotations
 
-import json
+import gc
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import xosc
-from recognition import recordings as datasets
-from recognition.catalogue import detect, recordings
-from recognition.catalogue.detect import Detection, Episode, Moment, by_rules
+from recognition.catalogue import detect
+from recognition.catalogue.detect import (
+    Advance,
+    ByRules,
+    Episode,
+    Moment,
+    Recogniser,
+    by_rules,
+    of_findings,
+    of_vehicles,
+)
+from recognition.catalogue.exposure import Mileage, exposure_of
 from recognition.catalogue.recordings import (
-    Block,
+    VEHICLES,
     CatalogueSettings,
-    LabelledRecording,
+    PlacedRecording,
     RecordingLocation,
     RecordingStore,
-    TrialBlock,
-    looked,
+    naming,
 )
 from recognition.catalogue.writing.index import Catalogue, recordings_of
-from recognition.catalogue.writing.store import digests, write_unless_edited
-from recognition.catalogue.writing.write import AUTHOR
-from recognition.labels import LabelledEvent
-from recognition.recordings import Report, Source
-from recognition.recordings.formats import runs
+from recognition.catalogue.writing.played import Played, Trial, play
+from recognition.catalogue.writing.write import CatalogWriter, Material, PendingCatalog
+from recognition.labels import LabelledEvent, Rules, label
+from recognition.labels.critical import with_critical
+from recognition.labels.labelling import BY_ROLE
+from recognition.recordings import Exclusion, Report, Source, cache_roads
+from recognition.recordings import source as datasets
 from recognition.recordings.intake import REPAIRED
-from recognition.scenes import LIT, Site
+from recognition.scenes import LIT, Site, place, site_of
+from recognition.scenes.cut import Scope
 from runner.batch.pool import Workers, results
 from runner.recording import Recording
-from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
-from schemas.common.storage import digest
-from schemas.common.terminal.files import LIBRARY
-from schemas.common.terminal.text import many
-from xosc.document import to_bytes
-from xosc.writing import tags
-from xosc.writing.tags import Tag
+from schemas.common.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
+from schemas.common.policy import limited
+from schemas.common.storage import stamp
 
 if TYPE_CHECKING:
     from schemas.common.terminal.command_line import Bar
@@ -58,63 +67,17 @@ SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
 _STORE = ".recordings"
 """Folder for what was read, in that of the catalogue, until this is finished"""
-
-
-Advance = Callable[[float], None]
-"""Called with the share of some work that is done, after each part of it; they add up to 1."""
-
-
-class Recogniser(Protocol):
-    """Labels moments of recordings: it looks at all of them, then gives the moments of each."""
-
-    @property
-    def sorted_by(self) -> str:
-        """Source of the labels that sort the moments: `RULES` or `MODEL`."""
-        ...
-
-    def look(
-        self,
-        name: str,
-        recording: Recording,
-        site: Site,
-        events: list[LabelledEvent],
-        advance: Advance,
-    ) -> None:
-        """Take in a recording and the events that rules have found in it."""
-        ...
-
-    by_recording: bool
-    """Whether the moments of a recording depend on no other one"""
-
-    def moments(self, name: str) -> list[Moment]:
-        """The moments of a recording that was looked at; asked for once."""
-        ...
-
-
-class ByRules:
-    """The rules alone."""
-
-    sorted_by = detect.RULES
-    by_recording = True
-
-    def __init__(self) -> None:
-        self._events: dict[str, list[LabelledEvent]] = {}
-
-    def look(
-        self,
-        name: str,
-        recording: Recording,
-        site: Site,
-        events: list[LabelledEvent],
-        advance: Advance,
-    ) -> None:
-        """Keep the events."""
-        self._events[name] = events
-        advance(1.0)
-
-    def moments(self, name: str) -> list[Moment]:
-        """One for each event."""
-        return [by_rules(event) for event in self._events.pop(name)]
+_PART = 50
+"""Number of recordings with findings in memory at a time"""
+_EPISODES = 25
+"""Scenarios of a recording that are written at a time"""
+_READ = 0.5
+"""Share of the progress of a recording that a model looks at when it has been read"""
+_LONG = 200
+"""Participants of a recording that takes so long to write that it is worth a search for garbage, in
+all that is loaded"""
+REFUSALS = (InvalidFile, Unsupported, UsageError)
+"""Errors that concern one recording: the others go on"""
 
 
 class Summary(NamedTuple):
@@ -142,15 +105,46 @@ class Summary(NamedTuple):
     unlit: int
 
 
-Selection = Mapping[str, frozenset[tuple[str, str]]]
-"""Folders and names of the scenarios that are wanted of each recording, by its name"""
+class Chosen(NamedTuple):
+    """Scenarios of a recording that were found before.
 
-_PART = 50
-"""Number of recordings with findings in memory at a time"""
-_EPISODES = 25
-"""Scenarios of a recording that are written at a time"""
-_READ = 0.5
-"""Share of the progress of a recording when it has been read"""
+    stamp: of the recording then (`stamp_of`). episodes: as JSON.
+    """
+
+    stamp: str
+    episodes: list[str]
+
+
+class Selection(NamedTuple):
+    """Scenarios that were found before, by recording, and whose labels sort them."""
+
+    sorted_by: str
+    chosen: Mapping[str, Chosen]
+
+
+class Search(NamedTuple):
+    """A recording to be searched.
+
+    moments: those of a model; None for those of the rules. episodes: those that were found before,
+    as JSON; None to find them.
+    """
+
+    location: RecordingLocation
+    moments: list[Moment] | None = None
+    episodes: Sequence[str] | None = None
+
+
+class Findings(NamedTuple):
+    """Outcome of searching a recording, without the recording itself.
+
+    exclusions: vehicles that are no egos, where scenes are of whole vehicles.
+    """
+
+    placed: PlacedRecording
+    report: Report
+    exposure: Mileage
+    exclusions: list[Exclusion]
+    episodes: list[Episode]
 
 
 @contextmanager
@@ -179,7 +173,7 @@ def build(
         recogniser: recogniser factory, the rules by default.
         bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: processes that read, label and write the recordings.
-        selection: the scenarios to write; all, if None.
+        selection: scenarios to write that were found before; None to find all that there are.
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
@@ -196,35 +190,47 @@ def build(
         ['highway car following', 'highway cut in', 'highway free cruise', 'right lane change']
     """
     settings = settings or CatalogueSettings()
-    recordings.forget()  # another call in this process may be of other files with the same names
-    sources = recordings.opened(tuple(paths), settings.road, settings.columns)
-    refuse_twins(sources)
+    sources = opened(paths, settings)
+    failures: dict[str, ToolchainError] = {}
     if selection is not None:
-        sources = [source for source in sources if source.name in selection]
+        sources = _unchanged(sources, selection.chosen, failures)
     _refuse_others(out, {source.name for source in sources})
-    work = _CatalogueBuild(out, settings, recogniser(), workers, selection)
-    for part in work.parts(sources):
-        locations = [
-            RecordingLocation(
-                tuple(paths), source.name, out / _STORE, settings.road, settings.columns
-            )
-            for source in part
-        ]
-        with results(partial(recordings.read, settings), locations, workers) as found:
-            labelled = work.take(part, found, bar)
-        work.write(labelled, bar)
-    work.play(bar)
-    return work.close(
-        [
-            file
-            for found in recordings.listed(tuple(paths), settings.columns)
-            for file in found.skipped
-        ]
+    searches: Sequence[Search] = [
+        Search(
+            located(paths, settings, source, out / _STORE),
+            episodes=selection.chosen[source.name].episodes if selection is not None else None,
+        )
+        for source in sources
+    ]
+    made = recogniser()
+    searches = recognise(made, settings, searches, failures, bar, workers)
+    sorted_by = made.sorted_by if selection is None else selection.sorted_by
+    work = _CatalogueBuild(
+        out, settings, sorted_by, failures, workers, selected=selection is not None
     )
+    for start in range(0, len(searches), _PART):
+        work.write(work.find(searches[start : start + _PART], bar), bar)
+    work.play(bar)
+    skipped = [
+        file
+        for data_set in datasets.listed(tuple(paths), settings.columns)
+        for file in data_set.skipped
+    ]
+    return work.close(skipped)
 
 
-def refuse_twins(sources: Sequence[Source]) -> None:
-    """Recordings are distinguished by name; those below one folder get names that differ."""
+def opened(paths: Sequence[Path], settings: CatalogueSettings) -> list[Source]:
+    """The recordings in files and folders, which have names of their own.
+
+    Raises:
+        InvalidFile: there is no recording of a known format in a path.
+        UsageError: two recordings have one name.
+    """
+    # Another call in this process may be of other files with the same names.
+    datasets.forget()
+    recorded.cache_clear()
+    _material.cache_clear()
+    sources = datasets.opened(tuple(paths), settings.road, settings.columns)
     first: dict[str, Source] = {}
     for source in sources:
         # Names of recordings become names of files, and keys of the index.
@@ -235,6 +241,42 @@ def refuse_twins(sources: Sequence[Source]) -> None:
                 "folder that holds both"
             )
             raise UsageError(message, path=source.path)
+    return sources
+
+
+def located(
+    paths: Sequence[Path], settings: CatalogueSettings, source: Source, copies: Path | None
+) -> RecordingLocation:
+    """Location of a recording, by which other processes open it."""
+    return RecordingLocation(tuple(paths), source.name, copies, settings.road, settings.columns)
+
+
+def stamp_of(source: Source) -> str:
+    """Text that changes with the file of a recording."""
+    return f"{source.path.absolute()} {stamp(source.path)}"
+
+
+def _unchanged(
+    sources: Sequence[Source], chosen: Mapping[str, Chosen], failures: dict[str, ToolchainError]
+) -> list[Source]:
+    """The recordings with scenarios that were chosen; those that have changed since are failures,
+    as are those that are gone."""
+    by_name = {source.name: source for source in sources}
+    again = "since its findings were added: find them again, in a new store"
+    kept = []
+    for name, one in chosen.items():
+        source = by_name.get(name)
+        # What was found is about the rows as they were: in others nothing may happen at its time.
+        if source is None:
+            failures[name] = InvalidFile(f"recording {name!r} has gone {again}")
+        elif stamp_of(source) != one.stamp:
+            failures[name] = InvalidFile(
+                f"recording {name!r} has changed {again}", path=source.path
+            )
+    for source in sources:
+        if source.name in chosen and source.name not in failures:
+            kept.append(source)
+    return kept
 
 
 def _refuse_others(out: Path, names: set[str]) -> None:
@@ -249,6 +291,219 @@ def _refuse_others(out: Path, names: set[str]) -> None:
         )
 
 
+# finding ----------------------------------------------------------------------------------------
+
+
+class _ReadRecording(NamedTuple):
+    """A recording on the roads of its site, and what reading it found."""
+
+    recording: Recording
+    site: Site
+    report: Report
+
+
+def _read(source: Source, copies: Path | None) -> _ReadRecording:
+    """Read a recording, or its copy, and place it on the roads of its site.
+
+    Raises:
+        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
+    """
+    store = RecordingStore(copies) if copies is not None else None
+    kept = store.find(source) if store is not None else None
+    recording = kept.recording if kept is not None else source.load()
+    site = site_of(source, recording, cache_roads())
+    place(recording, site.network)
+    if kept is not None:
+        return _ReadRecording(recording, site, kept.report)
+    assert source.report is not None, "the recording has been read"
+    # The site adds remarks to the report: only now both are whole.
+    if store is not None:
+        store.put(source, recording, source.report)
+    return _ReadRecording(recording, site, source.report)
+
+
+def _events(recording: Recording, site: Site, name: str, rules: Rules) -> list[LabelledEvent]:
+    return with_critical(label(recording, site, name, rules), recording, site, name, rules)
+
+
+@limited()
+def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[LabelledEvent]]:
+    """A recording, placed on the roads of its site, and the events and critical moments in it.
+
+    Raises:
+        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
+    """
+    recording, site, _ = _read(source, None)
+    return recording, site, _events(recording, site, source.name, rules)
+
+
+class _Labelled(NamedTuple):
+    """Events that rules find in a recording, and its site."""
+
+    site: PlacedRecording
+    events: list[LabelledEvent]
+
+
+def _label_in(
+    settings: CatalogueSettings, location: RecordingLocation
+) -> _Labelled | ToolchainError:
+    """Read, keep and label a recording; return the error if it is unreadable."""
+    source = location.source
+    try:
+        with limited():
+            recording, site, report = _read(source, location.copies)
+            events = _events(recording, site, source.name, settings.rules)
+    except NotWritten:
+        raise  # the other recordings can't be either
+    except REFUSALS as error:
+        return naming(source, error)
+    return _Labelled(PlacedRecording(location, site.path, site.roles, report.quality), events)
+
+
+def recognise(
+    recogniser: Recogniser,
+    settings: CatalogueSettings,
+    searches: Sequence[Search],
+    failures: dict[str, ToolchainError],
+    bar: Bar,
+    workers: Workers,
+) -> Sequence[Search]:
+    """Have a model look at all recordings, in their order: the searches with its moments.
+
+    Recordings that can't be read join the failures. Searches by rules are returned as they are.
+    """
+    if recogniser.by_rules:
+        return searches
+    locations = [search.location for search in searches]
+    read = []
+    with (
+        bar("recognising", len(locations)) as advance,
+        results(partial(_label_in, settings), locations, workers) as labelled,
+    ):
+        for location, one in zip(locations, labelled, strict=True):
+            if isinstance(one, ToolchainError):
+                failures[location.name] = one
+                advance(1.0)
+                continue
+            advance(_READ)
+            # One model, in this process: what it discovers in one recording it knows in the next.
+            rest = partial(_in_part, advance, 1.0 - _READ)
+            recogniser.look(location.name, recorded(location), one.site.site, one.events, rest)
+            read.append(location)
+    # Labels are final after the last recording only.
+    return [Search(location, recogniser.moments(location.name)) for location in read]
+
+
+def _in_part(advance: Advance, share: float, done: float) -> None:
+    """Advance by work that is a share of other work."""
+    advance(share * done)
+
+
+def find_in(settings: CatalogueSettings, search: Search) -> Findings | ToolchainError:
+    """Find the scenarios of a recording, of which a copy is kept; return the error if it is
+    unreadable."""
+    try:
+        with limited():
+            return searched(settings, search)[1]
+    except NotWritten:
+        raise  # the other recordings can't be either
+    except REFUSALS as error:
+        return naming(search.location.source, error)
+
+
+def searched(settings: CatalogueSettings, search: Search) -> tuple[_ReadRecording, Findings]:
+    """Read a recording and find its scenarios.
+
+    Raises:
+        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
+    """
+    location = search.location
+    name, read = location.name, _read(location.source, location.copies)
+    recording, site, report = read
+    exclusions: list[Exclusion] = []
+    if search.episodes is not None:
+        episodes = [Episode.of_json(text) for text in search.episodes]
+    else:
+        moments = search.moments
+        if moments is None:
+            moments = [by_rules(one) for one in _events(recording, site, name, settings.rules)]
+        detections = detect.joined(moments, settings.gap)
+        if settings.scenes == VEHICLES:
+            egos, exclusions = detect.vehicles(recording, site.network, settings.needs)
+            episodes = of_vehicles(name, egos, detections)
+        else:
+            episodes = of_findings(name, detections, settings.around)
+    placed = PlacedRecording(location, site.path, site.roles, report.quality)
+    exposure = exposure_of(recording, settings.rules)._replace(quality=report.quality)
+    # Where roles of lanes are in doubt no ramp is labelled: a rate of ramps would be of nothing.
+    if site.roles.doubts:
+        exposure = exposure._replace(blocked=frozenset(one.title for one in BY_ROLE))
+    return read, Findings(placed, report, exposure, exclusions, episodes)
+
+
+# writing ----------------------------------------------------------------------------------------
+
+
+class Block(NamedTuple):
+    """Episodes of a recording to be written, and the name of its road in the catalogue."""
+
+    placed: PlacedRecording
+    road: str
+    episodes: Sequence[Episode]
+
+
+class TrialBlock(NamedTuple):
+    """Scenarios of a recording to be played."""
+
+    location: RecordingLocation
+    trials: Sequence[Trial]
+
+
+class Written(NamedTuple):
+    """Written scenarios of a recording, and errors."""
+
+    written: PendingCatalog
+    error: ToolchainError | None
+
+
+def write_in(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Written:
+    """Write scenarios of a recording into the folder of a catalogue."""
+    writer = CatalogWriter(out, settings.config, sorted_by)
+    try:
+        with limited():
+            writer.add(_material(block.placed, settings.config.scope), block.road, block.episodes)
+    except NotWritten:
+        raise  # the other recordings can't be either
+    except REFUSALS as error:
+        return Written(writer.written, naming(block.placed.location.source, error))
+    return Written(writer.written, None)
+
+
+def play_in(out: Path, block: TrialBlock) -> list[Played]:
+    """Play scenarios in the folder of a catalogue, and compare them with their recording."""
+    return play(out, recorded(block.location), block.trials)
+
+
+@lru_cache(maxsize=1)
+def recorded(location: RecordingLocation) -> Recording:
+    """The copy of a recording, which is held for its next stages, also in processes that are forked
+    from this one."""
+    assert location.copies is not None, "a copy was kept"
+    return RecordingStore(location.copies).get(location.source).recording
+
+
+@lru_cache(maxsize=1)
+def _material(placed: PlacedRecording, scope: Scope) -> Material:
+    """Return the used part of a recording, cached for its other blocks."""
+    recording = recorded(placed.location)
+    material = Material(placed.location.source, recording, placed.site, scope, placed.quality)
+    if len(recording.tracks) >= _LONG:
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()  # until the next such recording no garbage is sought in it, nor in the roads
+    return material
+
+
 class _CatalogueBuild:
     """One catalogue in the making."""
 
@@ -256,65 +511,42 @@ class _CatalogueBuild:
         self,
         out: Path,
         settings: CatalogueSettings,
-        recogniser: Recogniser,
+        sorted_by: str,
+        failures: dict[str, ToolchainError],
         workers: Workers,
-        selection: Selection | None,
+        *,
+        selected: bool,
     ) -> None:
-        self._selection = selection
+        self._out, self._settings, self._workers = out, settings, workers
+        self._sorted_by = sorted_by
+        self._failures = failures
+        self._catalogue = Catalogue(out, settings.config, sorted_by, selected=selected)
         self._trials: list[TrialBlock] = []
         self._repaired: dict[str, str] = {}
-        self._out, self._settings, self._recogniser, self._workers = (
-            out,
-            settings,
-            recogniser,
-            workers,
-        )
-        self._catalogue = Catalogue(
-            out, settings.config, recogniser.sorted_by, selected=selection is not None
-        )
-        self._store = RecordingStore(out / _STORE)
-        self._failures: dict[str, ToolchainError] = {}
 
-    def parts(self, sources: Sequence[Source]) -> Iterator[Sequence[Source]]:
-        """Yield the recordings in parts, each of which is read and written before the next: all at
-        once where they decide together which class a moment has."""
-        size = _PART if self._recogniser.by_recording else max(len(sources), 1)
-        for start in range(0, len(sources), size):
-            yield sources[start : start + size]
-
-    def take(
-        self,
-        sources: Sequence[Source],
-        found: Iterator[LabelledRecording | ToolchainError],
-        bar: Bar,
-    ) -> list[tuple[Source, LabelledRecording]]:
-        """Have the recogniser look at the recordings in their order, as they have been read; those
-        that could be read."""
-        taken = []
-        with bar("recognising", len(sources)) as advance:
-            for source, labelled in zip(sources, found, strict=True):
+    def find(self, searches: Sequence[Search], bar: Bar) -> list[Findings]:
+        """Find the scenarios of recordings; the outcome of those that could be read."""
+        by_model = any(search.moments is not None for search in searches)
+        read = []
+        with (
+            bar("finding" if by_model else "recognising", len(searches)) as advance,
+            results(partial(find_in, self._settings), searches, self._workers) as outcomes,
+        ):
+            for search, outcome in zip(searches, outcomes, strict=True):
                 # A recording that can't be read is named in the summary; the others go on.
-                if isinstance(labelled, ToolchainError):
-                    self._failures[source.name] = labelled
-                    advance(1.0)
-                    continue
-                advance(_READ)
-                recording, rest = (
-                    recordings.recorded(labelled.placed.location),
-                    _part(advance, 1.0 - _READ),
-                )
-                self._recogniser.look(
-                    source.name, recording, labelled.placed.site, labelled.events, rest
-                )
-                if labelled.report.verdict == REPAIRED:
-                    self._repaired[source.name] = _repairs(labelled.report)
-                taken.append((source, labelled))
-        return taken
+                if isinstance(outcome, ToolchainError):
+                    self._failures[search.location.name] = outcome
+                else:
+                    read.append(outcome)
+                    if outcome.report.verdict == REPAIRED:
+                        self._repaired[search.location.name] = _repairs(outcome.report)
+                advance(1.0)
+        return read
 
-    def write(self, taken: Sequence[tuple[Source, LabelledRecording]], bar: Bar) -> None:
+    def write(self, findings: Sequence[Findings], bar: Bar) -> None:
         """Write the scenarios of the recordings."""
-        work = partial(recordings.write, self._out, self._settings, self._recogniser.sorted_by)
-        blocks = [block for source, labelled in taken for block in self._blocks(source, labelled)]
+        work = partial(write_in, self._out, self._settings, self._sorted_by)
+        blocks = [block for one in findings for block in self._blocks(one)]
         # Blocks, not recordings: one long recording keeps all workers busy too.
         count = sum(len(block.episodes) for block in blocks)
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
@@ -325,15 +557,29 @@ class _CatalogueBuild:
                     self._failures[block.placed.location.name] = one.error
                 advance(len(block.episodes))
 
+    def _blocks(self, found: Findings) -> Iterator[Block]:
+        """Yield the blocks to be written of a recording, whose road and index
+        entry are written first.
+        """
+        placed = found.placed
+        self._catalogue.register(
+            placed.location.source, found.report, found.exposure, found.exclusions
+        )
+        # In this process: workers that write blocks of one recording must not write one road file
+        # twice.
+        road = self._catalogue.road(placed.road)
+        for start in range(0, len(found.episodes), _EPISODES):
+            yield Block(placed, road, found.episodes[start : start + _EPISODES])
+
     def play(self, bar: Bar) -> None:
         """Play every scenario once: what does not play is no part of the catalogue."""
         # OpenSCENARIO catalogues that recordings share are complete only after the last of them.
         self._catalogue.write_catalogs()
         trials = self._trials
-        play = partial(recordings.played, self._out)
+        work = partial(play_in, self._out)
         with (
             bar("playing", sum(len(block.trials) for block in trials)) as advance,
-            results(play, trials, self._workers) as done,
+            results(work, trials, self._workers) as done,
         ):
             outcomes = []
             for trial, played in zip(trials, done, strict=True):
@@ -347,7 +593,7 @@ class _CatalogueBuild:
         rows = catalogue.rows
         failures = {name: str(error) for name, error in self._failures.items()}
         removed = catalogue.close(failures=failures, skipped=[file.name for file in skipped])
-        self._store.clear()
+        RecordingStore(self._out / _STORE).clear()
         return Summary(
             Counter(row["class"] for row in rows),
             Counter(row["passage"] for row in rows if row["passage"]),
@@ -362,209 +608,6 @@ class _CatalogueBuild:
             0 if self._settings.rules.signalised else catalogue.remarked(LIT),
         )
 
-    def _blocks(self, source: Source, labelled: LabelledRecording) -> Iterator[Block]:
-        """Yield the blocks to be written of a recording, whose road and index
-        entry are written first.
-        """
-        self._catalogue.register(source, labelled.report, labelled.exposure, labelled.exclusions)
-        # In this process: workers that write blocks of one recording must not write one road file
-        # twice.
-        road = self._catalogue.road(labelled.placed.road)
-        episodes = recordings.episodes(
-            self._settings, labelled, self._recogniser.moments(source.name)
-        )
-        if self._selection is not None:
-            episodes = self._selected(source, episodes, self._selection[source.name])
-        for start in range(0, len(episodes), _EPISODES):
-            yield Block(labelled.placed, road, episodes[start : start + _EPISODES])
-
-    def _selected(
-        self, source: Source, episodes: list[Episode], wanted: frozenset[tuple[str, str]]
-    ) -> list[Episode]:
-        """The wanted episodes of a recording; an error names those that it has no more."""
-        kept = [one for one in episodes if (one.folder, one.name) in wanted]
-        lost = sorted(wanted - {(one.folder, one.name) for one in kept})
-        if lost:
-            what = f"{many(len(lost), 'finding')} of this recording, {lost[0][1]!r} first"
-            told = f"{what}, are not found any more: find them again, in a new store"
-            self._failures[source.name] = InvalidFile(told, path=source.path)
-        return kept
-
 
 def _repairs(report: Report) -> str:
     return "; ".join(check.reason for check in report.checks if check.verdict == REPAIRED)
-
-
-def _part(advance: Advance, share: float) -> Advance:
-    """Return a callback of progress for work that is a share of other work."""
-    return lambda done: advance(share * done)
-
-
-LABELS = "labels.json"
-"""File in the folder of the runs with what was found in each, and the digests of
-the files written
-"""
-
-
-class LabelledRuns(NamedTuple):
-    """Labelled windows of simulated runs.
-
-    findings: of each run, by its name. written, edited: files written, and those left alone because
-    a person has edited them.
-    """
-
-    findings: dict[str, list[Detection]]
-    written: list[Path]
-    edited: list[Path]
-
-
-def label_runs(
-    folder: Path,
-    settings: CatalogueSettings,
-    recogniser: Recogniser,
-    bar: Bar,
-    annotate: Literal["copies", "scenarios"] | None = None,
-) -> LabelledRuns:
-    """Label the runs in a folder; `labels.json` there lists all that was found.
-
-    Nothing else is written unless asked: to annotate writes the tags as OpenLABEL beside each
-    scenario, and as properties of the FileHeader (from version 1.2 on) into copies,
-    `<name>_labelled.xosc` beside the scenarios, or into the scenarios themselves. Shipped scenarios
-    are left alone.
-
-    Raises:
-        InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any
-            more.
-        UsageError: a file can't be written.
-    """
-    sources = [source for source in datasets.open(folder).sources if source.format == runs.FORMAT]
-    if not sources:
-        raise InvalidFile("there are no results of xosc-run --out here", path=folder)
-    with bar("recognising", len(sources)) as advance:
-        for source in sources:
-            # Two passes, as for catalogues: classes that are discovered in one run hold for all of
-            # them.
-            recogniser.look(source.name, *looked(source, settings.rules), advance)
-    found = {
-        source.name: detect.joined(recogniser.moments(source.name), settings.gap)
-        for source in sources
-    }
-    by_scenario: dict[Path, list[Source]] = {}
-    for source in sources if annotate else ():
-        by_scenario.setdefault(runs.scenario(source.path), []).append(source)
-    record = folder / LABELS
-    before = digests(record)
-    files = {
-        path: content
-        for scenario, of in by_scenario.items()
-        for path, content in _annotations(scenario, of, found, annotate == "scenarios")
-        if path.parent.resolve() != LIBRARY.resolve()  # it is not the user's to write to
-    }
-    edited = [
-        path
-        for path, content in files.items()
-        if not _write(path, content, before, annotate == "scenarios" and path in by_scenario)
-    ]
-    written = {str(path): digest(content) for path, content in files.items() if path not in edited}
-    table = {
-        "files": {**before, **written},
-        "runs": {
-            name: [_told(detection) for detection in listed] for name, listed in found.items()
-        },
-    }
-    _write(record, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode(), {}, True)
-    return LabelledRuns(found, [Path(name) for name in written], edited)
-
-
-def _annotations(
-    scenario: Path, sources: list[Source], found: dict[str, list[Detection]], in_place: bool
-) -> Iterable[tuple[Path, bytes]]:
-    """The files about a scenario: annotated copy (or itself), OpenLABEL."""
-    annotations = _tags(sources, found)
-    document = xosc.load(scenario)
-    target = scenario if in_place else scenario.with_name(f"{scenario.stem}_labelled.xosc")
-    try:
-        yield target, to_bytes(tags.annotated(document, annotations))
-    except Unsupported:
-        target = scenario  # of a version without properties: what is tagged is the scenario itself
-    yield (
-        scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"),
-        tags.to_bytes(annotations, target.name, AUTHOR),
-    )
-
-
-def _tags(sources: list[Source], found: dict[str, list[Detection]]) -> list[Tag]:
-    """Classes that happen to the ego (to anyone, where there is no ego) in the
-    runs of a scenario, and when.
-    """
-    listed = [
-        (source, finding)
-        for source in sources
-        for finding in found[source.name]
-        if _about_ego(source, finding)
-    ]
-    classes = sorted({finding.moment.title for _, finding in listed})
-    when = [
-        _sentence(finding, source.name if len(sources) > 1 else None) for source, finding in listed
-    ]
-    sure = [
-        finding.moment.confidence for _, finding in listed if finding.moment.confidence is not None
-    ]
-    states = sorted({finding.moment.state for _, finding in listed})
-    listed_tags: list[Tag] = [
-        Tag("Classes", classes),
-        Tag("States", states),
-        Tag("Findings", when),
-        Tag("Runs", len(sources)),
-    ]
-    return [*listed_tags, *([Tag("Confidence", min(sure))] if sure else [])]
-
-
-def _about_ego(source: Source, finding: Detection) -> bool:
-    ego = runs.ego(source.path)
-    return ego is None or finding.moment.ego == ego
-
-
-def _sentence(finding: Detection, run: str | None) -> str:
-    moment = finding.moment
-    parts = [
-        f"{moment.title} of {moment.ego} at {moment.time:.2f} s",
-        f"with {moment.partner}" if moment.partner else "",
-    ]
-    parts += [
-        f"in {run}" if run else "",
-        f"({_labels(moment)})" if moment.labels_agree is False else "",
-    ]
-    return " ".join(filter(None, parts))
-
-
-def _labels(moment: Moment) -> str:
-    """Both labels of a moment about which rules and model disagree."""
-    return f"rules: {moment.rule.title}, model: {moment.model}, {moment.confidence or 0.0:.0%}"
-
-
-def _told(finding: Detection) -> dict[str, Any]:
-    moment = finding.moment
-    return {
-        "ego": moment.ego,
-        "class": moment.title,
-        "state": moment.state,
-        "confidence": moment.confidence,
-        "rule_class": moment.rule.title if moment.rule else None,
-        "model_class": moment.model,
-        "nearest_class": moment.nearest,
-        "labels_agree": moment.labels_agree,
-        "partner": moment.partner,
-        "time": round(moment.time, 3),
-        "start": round(finding.start, 3),
-        "end": round(finding.end, 3),
-        "tags": moment.tags,
-        "severity": moment.severity,
-        "critical": moment.critical,
-    }
-
-
-def _write(path: Path, content: bytes, before: dict[str, str], anyway: bool) -> bool:
-    # `anyway`: the file is taken as it is now, so that it does not count as edited by a person.
-    found = digest(path.read_bytes()) if anyway and path.is_file() else before.get(str(path))
-    return write_unless_edited(path, content, found)

@@ -1,13 +1,12 @@
-"""Recordings of a catalogue: reading, checking and cutting one, and its copy on disk."""
+"""Recordings of a catalogue: their copies on disk, the settings for all of them, and the intake of
+one."""
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,35 +15,17 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import feather
 
-from recognition import recordings as datasets
 from recognition.catalogue import detect
-from recognition.catalogue.detect import (
-    Around,
-    EgoVehicle,
-    Episode,
-    Moment,
-    of_findings,
-    of_vehicles,
-)
-from recognition.catalogue.exposure import Mileage, exposure_of
-from recognition.catalogue.writing.played import Played, Trial, play
-from recognition.catalogue.writing.write import (
-    CatalogueConfig,
-    CatalogWriter,
-    Material,
-    PendingCatalog,
-    facts_of,
-)
-from recognition.labels import LabelledEvent, Rules, label
-from recognition.labels.critical import with_critical
-from recognition.labels.labelling import BY_ROLE
+from recognition.catalogue.detect import Around
+from recognition.catalogue.writing.write import CatalogueConfig
+from recognition.labels import Rules
 from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
 from recognition.recordings.intake import REFUSED
+from recognition.recordings.source import by_name
 from recognition.scenes import Roles, Site, site_of
-from recognition.scenes.cut import Scope
 from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
-from schemas.common.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.packages import version
 from schemas.common.policy import limited
 from schemas.common.storage import Records, Stamp, digest, drafted, stamp, writing
@@ -185,10 +166,6 @@ def _report(values: dict[str, Any]) -> Report:
 
 
 EVENTS, VEHICLES = "events", "vehicles"
-_REFUSALS = (InvalidFile, Unsupported, UsageError)
-_LONG = 200
-"""Participants of a recording that takes so long to write that it is worth a search for garbage, in
-all that is loaded"""
 
 
 @dataclass(frozen=True)
@@ -219,20 +196,20 @@ class CatalogueSettings:
 class RecordingLocation(NamedTuple):
     """Paths of a recording's data set and its name there, by which each process opens it.
 
-    store: folder of the recordings that were read. road, columns: given road and declaration of
-    columns.
+    copies: folder of the recordings that were read; None to keep none. road, columns: given road
+    and declaration of columns.
     """
 
     paths: tuple[Path, ...]
     name: str
-    store: Path
+    copies: Path | None = None
     road: Path | None = None
     columns: Path | None = None
 
     @property
     def source(self) -> Source:
         """Source that has the recording."""
-        return _by_name(self.paths, self.road, self.columns)[self.name]
+        return by_name(self.paths, self.road, self.columns)[self.name]
 
 
 class PlacedRecording(NamedTuple):
@@ -247,84 +224,6 @@ class PlacedRecording(NamedTuple):
     def site(self) -> Site:
         """Site with the road and the roles of its lanes."""
         return Site(self.road, loaded(self.road), self.roles)
-
-
-class LabelledRecording(NamedTuple):
-    """Results of reading and labelling a recording, without the recording itself.
-
-    egos, exclusions: the vehicles that are egos of scenes of vehicles, and those that are not.
-    """
-
-    placed: PlacedRecording
-    report: Report
-    exposure: Mileage
-    events: list[LabelledEvent]
-    egos: list[EgoVehicle]
-    exclusions: list[Exclusion]
-
-
-class Block(NamedTuple):
-    """Episodes of a recording to be written, and the name of its road in the catalogue."""
-
-    placed: PlacedRecording
-    road: str
-    episodes: Sequence[Episode]
-
-
-class TrialBlock(NamedTuple):
-    """Scenarios of a recording to be played."""
-
-    location: RecordingLocation
-    trials: Sequence[Trial]
-
-
-class Done(NamedTuple):
-    """Written scenarios of a recording, and errors."""
-
-    written: PendingCatalog
-    error: ToolchainError | None
-
-
-@lru_cache(maxsize=1)
-def opened(
-    paths: tuple[Path, ...], road: Path | None = None, columns: Path | None = None
-) -> list[Source]:
-    """The recordings in files and folders, listed once in each process.
-
-    Args:
-        road: the OpenDRIVE file of all of them, instead of those that they have.
-        columns: declaration of the columns of tables.
-    """
-    found = listed(paths, columns)
-    return [replace(source, given=road) for data_set in found for source in data_set.sources]
-
-
-@lru_cache(maxsize=1)
-def _by_name(paths: tuple[Path, ...], road: Path | None, columns: Path | None) -> dict[str, Source]:
-    """The recordings in files and folders by name: data sets have millions."""
-    return {source.name: source for source in opened(paths, road, columns)}
-
-
-@lru_cache(maxsize=1)
-def listed(paths: tuple[Path, ...], columns: Path | None = None) -> list[datasets.DataSet]:
-    """The data sets in files and folders, listed once in each process."""
-    return [datasets.open(path, columns=columns) for path in paths]
-
-
-@limited()
-def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[LabelledEvent]]:
-    """A recording, placed on the roads of its site, and the events and critical moments in it.
-
-    Raises:
-        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
-    """
-    recording = source.load()
-    site = site_of(source, recording, cache_roads())
-    return recording, site, _events(recording, site, source.name, rules)
-
-
-def _events(recording: Recording, site: Site, name: str, rules: Rules) -> list[LabelledEvent]:
-    return with_critical(label(recording, site, name, rules), recording, site, name, rules)
 
 
 class Inspection(NamedTuple):
@@ -354,7 +253,9 @@ def inspected(source: Source) -> Inspection:
                 reasons.append(error.message)
     except (InvalidFile, Unsupported) as error:
         if source.report is None or source.report.verdict != REFUSED:
-            return Inspection(source.name, source.format, REFUSED, 0.0, [str(_of(source, error))])
+            return Inspection(
+                source.name, source.format, REFUSED, 0.0, [str(naming(source, error))]
+            )
     assert source.report is not None, "the recording has been read"
     checks = [*dict.fromkeys(source.report.checks)]
     verdict, quality = source.report.verdict, source.report.quality
@@ -363,133 +264,7 @@ def inspected(source: Source) -> Inspection:
     return Inspection(source.name, source.format, verdict, 0.0 if refused else quality, reasons)
 
 
-class Findings(NamedTuple):
-    """Findings of a recording, without scenarios.
-
-    rows: of the index, with the columns `folder` and `name` of the scenario that each stands for.
-    """
-
-    source: Source
-    day: str
-    exposure: Mileage
-    rows: list[dict[str, Any]]
-
-
-def found_in(settings: CatalogueSettings, location: RecordingLocation) -> Findings | ToolchainError:
-    """Read a recording and return its findings by the rules; the error if it is unreadable."""
-    source = location.source
-    try:
-        with limited():
-            recording, site, events = looked(source, settings.rules)
-            assert source.report is not None, "the recording has been read"
-            exposure = _exposure(recording, site, settings.rules)
-            moments = detect.joined(map(detect.by_rules, events), settings.gap)
-            scope, quality = settings.config.scope, source.report.quality
-            material = Material(source, recording, site, scope, quality)
-            rows = facts_of(material, of_findings(source.name, moments, settings.around))
-    except _REFUSALS as error:
-        return _of(source, error)
-    return Findings(source, material.conditions.day, exposure._replace(quality=quality), rows)
-
-
-def _exposure(recording: Recording, site: Site, rules: Rules) -> Mileage:
-    """Exposure of a recording; ramps are blocked where roles of lanes are in doubt."""
-    exposure = exposure_of(recording, rules)
-    if site.roles.doubts:
-        exposure = exposure._replace(blocked=frozenset(one.title for one in BY_ROLE))
-    return exposure
-
-
-def read(
-    settings: CatalogueSettings, location: RecordingLocation
-) -> LabelledRecording | ToolchainError:
-    """Read, keep and label a recording, from the store if it is there; return the error if it is
-    unreadable."""
-    source, store = location.source, RecordingStore(location.store)
-    try:
-        with limited():
-            kept = store.find(source)
-            if kept is not None:
-                recording, report = kept
-                site = site_of(source, recording, cache_roads())
-                events = _events(recording, site, source.name, settings.rules)
-            else:
-                recording, site, events = looked(source, settings.rules)
-                assert source.report is not None, "the recording has been read"
-                report = source.report
-                store.put(source, recording, report)
-            needs = settings.needs if settings.scenes == VEHICLES else None
-            egos, exclusions = (
-                detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
-            )
-            placed = PlacedRecording(location, site.path, site.roles, report.quality)
-            exposure = _exposure(recording, site, settings.rules)
-    except NotWritten:
-        raise  # the other recordings can't be either
-    except _REFUSALS as error:
-        return _of(source, error)
-    return LabelledRecording(placed, report, exposure, events, egos, exclusions)
-
-
-def episodes(
-    settings: CatalogueSettings, labelled: LabelledRecording, moments: Iterable[Moment]
-) -> list[Episode]:
-    """Return the scenarios to be made of a recording."""
-    name, found = labelled.placed.location.name, detect.joined(moments, settings.gap)
-    return (
-        of_findings(name, found, settings.around)
-        if settings.scenes == EVENTS
-        else of_vehicles(name, labelled.egos, found)
-    )
-
-
-def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Done:
-    """Write scenarios of a recording into the folder of a catalogue."""
-    writer = CatalogWriter(out, settings.config, sorted_by)
-    try:
-        with limited():
-            writer.add(_material(block.placed, settings.config.scope), block.road, block.episodes)
-    except NotWritten:
-        raise  # the other recordings can't be either
-    except _REFUSALS as error:
-        return Done(writer.written, _of(block.placed.location.source, error))
-    return Done(writer.written, None)
-
-
-def played(out: Path, block: TrialBlock) -> list[Played]:
-    """Play scenarios in the folder of a catalogue, and compare them with their recording."""
-    return play(out, recorded(block.location), block.trials)
-
-
-@lru_cache(maxsize=1)
-def recorded(location: RecordingLocation) -> Recording:
-    """A recording from the store, which is kept for its next stages, also in processes that are
-    forked from this one."""
-    return RecordingStore(location.store).get(location.source).recording
-
-
-@lru_cache(maxsize=1)
-def _material(placed: PlacedRecording, scope: Scope) -> Material:
-    """Return the used part of a recording, cached for its other blocks."""
-    recording = recorded(placed.location)
-    material = Material(placed.location.source, recording, placed.site, scope, placed.quality)
-    if len(recording.tracks) >= _LONG:
-        gc.unfreeze()
-        gc.collect()
-        gc.freeze()  # until the next such recording no garbage is sought in it, nor in the roads
-    return material
-
-
-def forget() -> None:
-    """Clear the cache of opened sources: other files may have the same names."""
-    opened.cache_clear()
-    _by_name.cache_clear()
-    listed.cache_clear()
-    recorded.cache_clear()
-    _material.cache_clear()
-
-
-def _of(source: Source, error: ToolchainError) -> ToolchainError:
+def naming(source: Source, error: ToolchainError) -> ToolchainError:
     """An error that names the source where it names no file."""
     error.path = error.path or str(source.path)
     return error

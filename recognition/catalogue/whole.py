@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.recordings import opened
 from recognition.catalogue.writing import replay
 from recognition.catalogue.writing.write import AUTHOR, DATE
 from recognition.recordings import Source, cache_roads
 from recognition.recordings.motion.smoothing import RAW
+from recognition.recordings.source import opened
 from recognition.scenes import map_of
 from recognition.scenes.cut import Excerpt, SceneCutter, Scope, Tolerance
 from runner.recording import Recording, Track

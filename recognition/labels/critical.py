@@ -16,8 +16,7 @@ import numpy as np
 
 from recognition.labels.classes import Label, LabelledEvent, Rules
 from recognition.labels.scene import EGOS, is_parked
-from recognition.scenes import Site
-from recognition.scenes.lanes import place
+from recognition.scenes import Site, place
 from runner.engine.motion import rss
 from runner.engine.participants.declaration import BoundingBox
 from runner.judging.measures.contacts import post_encroachment_time

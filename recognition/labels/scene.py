@@ -27,8 +27,8 @@ from recognition.labels.changes import (
     stays,
 )
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
-from recognition.scenes import LaneRole, Site
-from recognition.scenes.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
+from recognition.scenes import LaneRole, Site, place
+from recognition.scenes.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes
 from recognition.scenes.ramps import by_traffic
 from recognition.scenes.roles import ROLES
 from runner.judging.measures.criticality import time_headway, time_to_collision

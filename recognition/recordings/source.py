@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -324,6 +324,43 @@ def open(
         raise InvalidFile("no such file or folder", path=path)
     folder = Path(roads) if roads is not None else cache_roads()
     return DataSet(path, partial(_find, path, folder, columns))
+
+
+# Each worker opens the recordings anew, by the paths that were given: sources hold functions, and
+# don't go to other processes. A folder is therefore listed once in each process, not once for each
+# recording; one call at a time is kept, as data sets have millions of files.
+
+
+@lru_cache(maxsize=1)
+def listed(paths: tuple[Path, ...], columns: Path | None = None) -> list[DataSet]:
+    """The data sets in files and folders, listed once in each process."""
+    return [open(path, columns=columns) for path in paths]
+
+
+@lru_cache(maxsize=1)
+def opened(
+    paths: tuple[Path, ...], road: Path | None = None, columns: Path | None = None
+) -> list[Source]:
+    """The recordings in files and folders, listed once in each process.
+
+    Args:
+        road: the OpenDRIVE file of all of them, instead of those that they have.
+        columns: declaration of the columns of tables.
+    """
+    found = listed(paths, columns)
+    return [replace(source, given=road) for data_set in found for source in data_set.sources]
+
+
+@lru_cache(maxsize=1)
+def by_name(paths: tuple[Path, ...], road: Path | None, columns: Path | None) -> dict[str, Source]:
+    """The recordings in files and folders by name."""
+    return {source.name: source for source in opened(paths, road, columns)}
+
+
+def forget() -> None:
+    """List files and folders again when they are asked for: they may have others by then."""
+    for cached in (listed, opened, by_name):
+        cached.cache_clear()
 
 
 def formats() -> list[str]:

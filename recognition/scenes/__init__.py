@@ -10,7 +10,8 @@ Modules:
 
 Example::
 
-    site_of(source, recording, roads)  # roads, and the role of each lane
+    site = site_of(source, recording, roads)  # roads, and the role of each lane
+    place(recording, site.network)  # road coordinates of all rows
 """
 
 from __future__ import annotations
@@ -342,7 +343,7 @@ def _joined(entries: list[RoleRange]) -> list[RoleRange]:
 _FREE = 0.95
 """Quantile of the speeds of motor vehicles at which one drives freely, if any does"""
 
-__all__ = ["LaneRole", "RoleRange", "Roles", "Site", "site_at", "site_of"]
+__all__ = ["LaneRole", "RoleRange", "Roles", "Site", "place", "site_at", "site_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -430,6 +431,33 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
         if refused:
             raise InvalidFile("; ".join(refused), path=source.path)
     return site
+
+
+def place(recording: Recording, network: RoadNetwork) -> None:
+    """Complete the road coordinates of every row that lacks them, of all tracks at once.
+
+    Rows that have them keep them: a run knows the lanes that its vehicles followed.
+    """
+    columns = [track.columns for track in recording.tracks.values()]
+    missing = [np.flatnonzero(one["road_id"] == None) for one in columns]  # noqa: E711 - of each element
+    ends = np.cumsum([len(rows) for rows in missing])
+    if not len(ends) or not ends[-1]:
+        return
+    x, y, z, h = (
+        np.concatenate([one[name][rows] for one, rows in zip(columns, missing, strict=True)])
+        for name in ("x", "y", "z", "h")
+    )
+    places = placing.place(network, x, y, z, h)
+    names = {
+        "road_id": "road_id",
+        "lane_id": "lane_id",
+        "s": "s",
+        "t": "t",
+        "lane_offset": "offset",
+    }
+    for one, rows, end in zip(columns, missing, ends.tolist(), strict=True):
+        for column, name in names.items():
+            one[column][rows] = getattr(places, name)[end - len(rows) : end]
 
 
 def _driven(recording: Recording) -> float:

@@ -346,8 +346,8 @@ class _Lookup:
 
 
 def on_lanes(recording: Recording, network: RoadNetwork, ego: str, times: FloatArray) -> BoolArray:
-    """Whether a track is on a lane of the network at each of some times (s) of its own."""
-    place(recording, network)
+    """Whether a track of a placed recording is on a lane of the network at some times (s) of its
+    own."""
     columns, lanes = recording.tracks[ego].columns, graph(network)
     rows = np.clip(np.searchsorted(columns["time"], times - 1e-6), 0, len(columns["time"]) - 1)
     road, lane, s, offset = (
@@ -398,27 +398,3 @@ class Poses(NamedTuple):
 def graph(network: RoadNetwork) -> LaneGraph:
     """The lanes of a network, built once."""
     return LaneGraph(network)
-
-
-def place(recording: Recording, network: RoadNetwork) -> None:
-    """Complete the road coordinates of every row that lacks them, of all tracks at once."""
-    columns = [track.columns for track in recording.tracks.values()]
-    missing = [np.flatnonzero(one["road_id"] == None) for one in columns]  # noqa: E711 - of each element
-    ends = np.cumsum([len(rows) for rows in missing])
-    if not len(ends) or not ends[-1]:
-        return
-    x, y, z, h = (
-        np.concatenate([one[name][rows] for one, rows in zip(columns, missing, strict=True)])
-        for name in ("x", "y", "z", "h")
-    )
-    places = placing.place(network, x, y, z, h)
-    names = {
-        "road_id": "road_id",
-        "lane_id": "lane_id",
-        "s": "s",
-        "t": "t",
-        "lane_offset": "offset",
-    }
-    for one, rows, end in zip(columns, missing, ends.tolist(), strict=True):
-        for column, name in names.items():
-            one[column][rows] = getattr(places, name)[end - len(rows) : end]

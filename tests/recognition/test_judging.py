@@ -42,8 +42,7 @@ from benchmarks.judging.report import (
     recall_cases,
     report,
 )
-from recognition.catalogue.detect import Moment
-from recognition.catalogue.pipeline import ByRules
+from recognition.catalogue.detect import ByRules, Moment
 from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile

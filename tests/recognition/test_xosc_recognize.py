@@ -160,7 +160,7 @@ def test_nothing_recognised_is_said(recognize: Command, tmp_path: Path) -> None:
 def test_5_internal_error(
     recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recognition.catalogue.recordings.label", lambda *_: 1 // 0)
+    monkeypatch.setattr("recognition.catalogue.pipeline.label", lambda *_: 1 // 0)
     answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
     assert answer.code == 5
     assert "Traceback" in answer.err

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.detect import RULES, Detection, Episode, plain
+from recognition.catalogue.detect import Detection, Episode, plain
 from recognition.catalogue.writing import replay, storyboard
 from recognition.catalogue.writing.page import Film, film
 from recognition.catalogue.writing.played import Trial
@@ -459,12 +459,14 @@ def _context(material: Material, road: str, episode: Episode) -> _Context:
     return _Context(material, road, episode, scene)
 
 
-def facts_of(material: Material, episodes: Iterable[Episode]) -> list[dict[str, Any]]:
-    """Rows of episodes that rules have found, as those of an index, without writing any file; with
-    folder and name that their scenarios would have."""
+def facts_of(
+    material: Material, episodes: Iterable[Episode], sorted_by: str
+) -> list[dict[str, Any]]:
+    """Rows of episodes as those of an index, without writing any file; with folder and name that
+    their scenarios would have, and the episode itself as JSON."""
     return [
-        {"folder": episode.folder, "name": episode.name}
-        | _facts(_context(material, "", episode), RULES)
+        {"folder": episode.folder, "name": episode.name, "episode": episode.as_json()}
+        | _facts(_context(material, "", episode), sorted_by)
         for episode in episodes
     ]
 

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from recognition import recordings as datasets
 from recognition.labels import JunctionWay, Label, LabelledEvent, Rules, label, passing
 from recognition.recordings.table import Kind, column_names, read_table
-from recognition.scenes import Site, site_of
-from recognition.scenes.lanes import place
+from recognition.scenes import Site, place, site_of
 from recognition.trfe.inputs.grids import Grid, Moments, covered, rasterise
 from recognition.trfe.inputs.samples import BACKGROUND, drawn_of_each
 from recognition.trfe.inputs.tokens import Tokens, in_parts, tokenise

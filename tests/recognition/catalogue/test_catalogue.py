@@ -19,8 +19,8 @@ import pytest
 import runner
 import xosc
 from recognition.catalogue import pipeline
-from recognition.catalogue.detect import EgoRequirements, passage, vehicles
-from recognition.catalogue.pipeline import ByRules, Summary
+from recognition.catalogue.detect import ByRules, EgoRequirements, passage, vehicles
+from recognition.catalogue.pipeline import Summary
 from recognition.catalogue.recordings import VEHICLES, CatalogueSettings
 from recognition.catalogue.writing import index, replay, storyboard
 from recognition.catalogue.writing.write import CatalogueConfig, criticality_of

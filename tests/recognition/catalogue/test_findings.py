@@ -14,7 +14,7 @@ from recognition import recordings as datasets
 from recognition.catalogue.detect import DISCOVERED, KNOWN, RULES, UNKNOWN, Moment, joined
 from recognition.catalogue.model import ByModel, objection, title_of, unseen_sites
 from recognition.labels import Label, LabelledEvent
-from recognition.scenes import site_at
+from recognition.scenes import place, site_at
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.candidates import Buffer
 from recognition.trfe.encoder.config import Architecture
@@ -118,6 +118,7 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True, **options: bool) -
     recording = Recording(
         [*recording.tracks.values(), PARKED], recording.timestep, recording.network
     )
+    place(recording, recording.network)
     events = [
         LabelledEvent("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         LabelledEvent("01", "1", 0.1, Label.CUT_OUT, None, {}),

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from recognition.catalogue import exposure, pipeline
+from recognition.catalogue.detect import ByRules
 from recognition.catalogue.exposure import Mileage, exposure_of, interval, rates
-from recognition.catalogue.pipeline import ByRules
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels.classes import Rules
 from schemas.common.terminal.command_line import progress_bar

@@ -13,7 +13,8 @@ import pytest
 import runner
 from recognition import recordings as datasets
 from recognition.catalogue import pipeline, recordings
-from recognition.catalogue.pipeline import ByRules, Summary
+from recognition.catalogue.detect import ByRules
+from recognition.catalogue.pipeline import Summary
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.catalogue.whole import write_replay
 from recognition.labels import Rules

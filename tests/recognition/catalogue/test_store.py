@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -12,7 +13,9 @@ import pytest
 from pyarrow import parquet
 
 from recognition.catalogue import findings
+from recognition.catalogue.detect import MODEL
 from recognition.catalogue.findings import Found
+from recognition.catalogue.model import ByModel
 from recognition.catalogue.pipeline import build
 from recognition.catalogue.recordings import CatalogueSettings
 from runner.batch.pool import Workers
@@ -22,6 +25,7 @@ from schemas.common.storage import FileSystemPath
 from schemas.common.terminal.command_line import progress_bar
 from tests.commands import Command
 from tests.recognition import motorway
+from tests.recognition.catalogue.test_findings import Oracle
 from xosc.listing.tables import read_index
 
 BAR = partial(progress_bar, quiet=True)
@@ -90,7 +94,7 @@ def test_what_is_there_is_not_read_again_and_what_is_new_is_added(
     added = found(first, store)
     assert (added.read, added.before) == (1, 1)
     assert read_index(store).table.num_rows == 2 * count
-    monkeypatch.setattr(findings, "found_in", None)
+    monkeypatch.setattr(findings, "searched", None)
     assert found(first, store).read == 0
 
 
@@ -176,14 +180,84 @@ def test_a_condition_that_nothing_meets_is_refused(
         findings.write(str(made), tmp_path, where, CatalogueSettings(), BAR, Workers())
 
 
-def test_findings_that_are_gone_are_named(
-    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("gone", [True, False])
+def test_recordings_that_are_gone_or_changed_are_named_and_the_others_written(
+    recordings: Path, tmp_path: Path, gone: bool
 ) -> None:
-    store = str(tmp_path / "store")
-    found(recordings, store)
-    monkeypatch.setattr("recognition.catalogue.recordings.of_findings", lambda *_: [])
+    mine, store = tmp_path / "recordings", str(tmp_path / "store")
+    shutil.copytree(recordings, mine)
+    found(mine, store)
+    if gone:
+        shutil.rmtree(mine / "01")
+    else:
+        os.utime(mine / "01" / "01_tracks.csv", ns=(0, 0))
     summary = findings.write(store, tmp_path / "out", CUT_INS, CatalogueSettings(), BAR, Workers())
-    assert {"not found any more" in str(error) for error in summary.failures.values()} == {True}
+    assert list(summary.failures) == ["01/01"]
+    told = f"has {'gone' if gone else 'changed'} since its findings were added"
+    assert told in str(summary.failures["01/01"]) and summary.classes == {"highway cut in": 2}
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    """Files of a catalogue but those that tell the exposure, by name."""
+    files = (path for path in folder.rglob("*.xosc") if path.is_file())
+    tags = folder.rglob("*.openlabel.json")
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in (*files, *tags)}
+
+
+def rows_of(folder: Path) -> list[dict[str, object]]:
+    """Rows of the index of a catalogue."""
+    rows: list[dict[str, object]] = json.loads((folder / "index.json").read_text())["scenarios"]
+    return rows
+
+
+def test_scenes_of_vehicles_are_found_first_and_written_on_demand(
+    recordings: Path, tmp_path: Path
+) -> None:
+    settings, store = CatalogueSettings(scenes="vehicles"), str(tmp_path / "store")
+    outcome = findings.find([recordings], store, settings, BAR, Workers())
+    summary = build([recordings], tmp_path / "whole", settings)
+    assert outcome.classes == summary.classes and outcome.excluded == len(summary.exclusions)
+    findings.write(store, tmp_path / "out", None, CatalogueSettings(), BAR, Workers())
+    assert bytes_of(tmp_path / "out") == bytes_of(tmp_path / "whole")
+    assert rows_of(tmp_path / "out") == rows_of(tmp_path / "whole")
+
+
+def by_model() -> ByModel:
+    return ByModel(Oracle(), sorts=True, discover=True, stride=1.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_a_model_finds_first_what_its_catalogue_has(recordings: Path, tmp_path: Path) -> None:
+    store = str(tmp_path / "store")
+    outcome = findings.find([recordings], store, CatalogueSettings(), BAR, Workers(2), by_model)
+    summary = build([recordings], tmp_path / "whole", recogniser=by_model)
+    assert outcome.classes == summary.classes and outcome.classes["discovered 01"]
+    findings.write(store, tmp_path / "out", None, CatalogueSettings(), BAR, Workers())
+    assert bytes_of(tmp_path / "out") == bytes_of(tmp_path / "whole")
+    assert rows_of(tmp_path / "out") == rows_of(tmp_path / "whole")
+    index = json.loads((tmp_path / "out" / "index.json").read_text())
+    assert index["sorted_by"] == MODEL
+
+
+def test_discovered_classes_of_two_calls_are_not_mixed(recordings: Path, tmp_path: Path) -> None:
+    mine, store = tmp_path / "recordings", str(tmp_path / "store")
+    shutil.copytree(recordings / "01", mine / "01")
+    findings.find([mine], store, CatalogueSettings(), BAR, Workers(), by_model)
+    assert findings.find([mine], store, CatalogueSettings(), BAR, Workers(), by_model).read == 0
+    shutil.copytree(recordings / "02", mine / "02")
+    with pytest.raises(UsageError, match="would have the names of those in this store"):
+        findings.find([mine], store, CatalogueSettings(), BAR, Workers(), by_model)
+    with pytest.raises(UsageError, match="other settings \\(labels, sorted_by\\)"):
+        found(mine, store)
+
+
+def test_a_store_of_an_earlier_version_is_refused(made: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    shutil.copytree(made, store)
+    for file in (store / "findings").rglob("*.parquet"):
+        parquet.write_table(parquet.ParquetFile(file).read().drop_columns("episode"), file)
+    with pytest.raises(InvalidFile, match="of an earlier version"):
+        findings.write(str(store), tmp_path / "out", None, CatalogueSettings(), BAR, Workers())
 
 
 def test_the_commands(command: Command, recordings: Path, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import xosc
-from recognition.catalogue.detect import Moment
-from recognition.catalogue.pipeline import ByRules, build
+from recognition.catalogue.detect import ByRules, Moment
+from recognition.catalogue.pipeline import build
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.catalogue.writing.index import rows_of
 from recognition.catalogue.writing.write import CatalogueConfig
