@@ -60,7 +60,7 @@ def _search(folder: Path) -> tuple[str, ...]:
     return ("xosc-generate", "cut_in_highway", *quick, *out)
 
 
-# Targets: 15, 12, 15, 10 and 7 files. A catalogue takes 15: eleven of them are a step each.
+# Targets: 15, 12, 15, 10 and 7 files.
 WALKS = {
     "path to verdict": Walk(
         15,
@@ -80,7 +80,7 @@ WALKS = {
         ),
     ),
     "CSV to catalogue": Walk(
-        15,
+        12,
         _recording,
         (
             "recognition.recordings.source:open",

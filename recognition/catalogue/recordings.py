@@ -114,10 +114,10 @@ class RecordingStore:
 
     def _path(self, source: Source, ending: str) -> Path:
         # Another version of the package may read a file otherwise, and a changed file has another
-        # stamp.
+        # stamp. So has one that decides how it is read: the places of a copy are on its map.
         key = f"{version()}\n{source.name}\n{source.path.absolute()}\n{stamp(source.path)}"
-        if source.given is not None:
-            key += f"\n{source.given.absolute()}\n{stamp(source.given)}"
+        for file in source.beside():
+            key += f"\n{file.absolute()}\n{stamp(file)}"
         return self._folder / f"{digest(key.encode(errors='surrogateescape'))}.{ending}"
 
 

@@ -106,6 +106,7 @@ class Source:
         origin: latitude and longitude (degrees) of the origin of the coordinates, where the data
             set has them.
         given: the OpenDRIVE file that the user names, before all others.
+        columns: the declaration of its columns, if it is a table of the user's own.
         ego: name of the recording's own vehicle, asked for after it was read; None where it has
             none.
         lights: recorded states of traffic lights, asked for after it was read; None where it has
@@ -123,12 +124,19 @@ class Source:
     origin: tuple[float, float] | None = None
     road: Callable[[Recording, Path], SiteRoad] | None = field(default=None, repr=False)
     given: Path | None = None
+    columns: Path | None = None
     ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
     lights: Callable[[], LightStates | None] = field(default=_no_lights, repr=False)
     odd: Callable[[], OddConditions] = field(default=OddConditions, repr=False)
     simulated: bool = False
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
+
+    def beside(self) -> list[Path]:
+        """Other files that a reading depends on, which a user edits: map and declaration."""
+        road = self.path.parent / f"{self.site}.xodr"
+        files = (self.given, self.map, self.columns, road)
+        return [file for file in files if file is not None and file.is_file()]
 
     def load(self) -> Recording:
         """Read and examine the recording, afresh each time, and renew `report`.

@@ -152,7 +152,8 @@ class DeclaredTables(NamedTuple):
 
     def sources(self, path: Path, _roads: Path) -> list[Source]:
         """The recording of a table."""
-        return [Source(path.stem, path.stem, FORMAT, path, partial(_read, path, self.path))]
+        read = partial(_read, path, self.path)
+        return [Source(path.stem, path.stem, FORMAT, path, read, columns=self.path)]
 
 
 def _beside(path: Path) -> Path | None:

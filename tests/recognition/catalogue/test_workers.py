@@ -13,9 +13,10 @@ import pytest
 
 from recognition.catalogue.detect import ByRules
 from recognition.catalogue.pipeline import Summary, Workers, build
-from recognition.catalogue.recordings import CatalogueSettings
-from recognition.recordings import Source
+from recognition.catalogue.recordings import CatalogueSettings, RecordingStore
+from recognition.recordings import Report, Source
 from recognition.recordings.source import opened
+from runner.recording import Recording
 from schemas.common.errors import InvalidFile
 from schemas.common.terminal.command_line import progress_bar
 from tests.recognition import motorway
@@ -99,6 +100,22 @@ def test_several_share_one_recording(
         "what is shown adds up"
     )
     assert len(shown[-2][2]) == -(-written // 2) > 2, "one recording is shown in parts"
+
+
+@pytest.mark.parametrize("edited", ["road.xodr", "table.osm", "table.xodr", "columns.toml"])
+def test_a_copy_counts_while_the_files_that_it_was_read_by_are_the_same(
+    tmp_path: Path, edited: str
+) -> None:
+    for name in ("table.csv", "road.xodr", "table.osm", "table.xodr", "columns.toml"):
+        (tmp_path / name).write_text("as it was")
+    source = Source("table", "table", "table", tmp_path / "table.csv", lambda: 1 // 0)
+    source.given, source.map = tmp_path / "road.xodr", tmp_path / "table.osm"
+    source.columns = tmp_path / "columns.toml"
+    store = RecordingStore(tmp_path / "copies")
+    store.put(source, Recording([], 0.1, None), Report())
+    assert store.find(source) is not None
+    (tmp_path / edited).write_text("as it is now")
+    assert store.find(source) is None
 
 
 @pytest.mark.slow
