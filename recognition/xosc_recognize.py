@@ -273,8 +273,8 @@ def label(
 
     The scenarios that they are of are annotated if asked.
     """
+    from recognition.catalogue.pipeline import label_runs
     from recognition.catalogue.recordings import CatalogueSettings
-    from recognition.catalogue.writing.run_labels import label_runs
     from recognition.labels import Rules
 
     settings, (recogniser, note) = (

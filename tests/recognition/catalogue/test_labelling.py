@@ -13,8 +13,8 @@ import pytest
 
 import xosc
 from recognition.catalogue.detect import ByRules
+from recognition.catalogue.pipeline import LabelledRuns, label_runs
 from recognition.catalogue.recordings import CatalogueSettings
-from recognition.catalogue.writing.run_labels import LabelledRuns, label_runs
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.judging.settings import RunSettings
