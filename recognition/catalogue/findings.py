@@ -31,10 +31,10 @@ import pyarrow as pa
 from recognition.catalogue.detect import ByRules, Recogniser
 from recognition.catalogue.pipeline import (
     REFUSALS,
-    Chosen,
+    ChosenScenarios,
     Findings,
-    Search,
-    Selection,
+    RecordingSearch,
+    SelectedScenarios,
     Summary,
     build,
     located,
@@ -98,7 +98,7 @@ class _Block(NamedTuple):
     """Recordings that are read one after the other, and the name of their tables."""
 
     name: str
-    searches: Sequence[Search]
+    searches: Sequence[RecordingSearch]
 
 
 class _Entered(NamedTuple):
@@ -158,7 +158,7 @@ def find(
     # process, and finds after the last one: until then copies wait, as those of a catalogue.
     with nullcontext() if made.by_rules else TemporaryDirectory() as copies:
         folder = Path(copies) if copies is not None else None
-        unread = [Search(located(paths, settings, source, folder)) for source in new]
+        unread = [RecordingSearch(located(paths, settings, source, folder)) for source in new]
         searches = recognise(made, settings, unread, failures, bar, workers)
         size = min(max(len(searches) // (_SHARE * workers.jobs), 1), _BLOCK)
         blocks = list(_blocks(searches, size))
@@ -276,7 +276,7 @@ def _is_new(source: Source, known: dict[str, str]) -> bool:
     return before is None
 
 
-def _blocks(searches: Sequence[Search], size: int) -> Iterator[_Block]:
+def _blocks(searches: Sequence[RecordingSearch], size: int) -> Iterator[_Block]:
     """Yield the searches in blocks."""
     for start in range(0, len(searches), size):
         part = searches[start : start + size]
@@ -317,7 +317,7 @@ def _enter(
 
 
 def _rows(
-    settings: CatalogueSettings, sorted_by: str, search: Search
+    settings: CatalogueSettings, sorted_by: str, search: RecordingSearch
 ) -> tuple[Findings, str, list[dict[str, Any]]]:
     """Findings of a recording, its day, and their rows."""
     read, found = searched(settings, search)
@@ -394,14 +394,14 @@ def write(
             if entry["recording"] in chosen:
                 roots.add(Path(entry["root"]))
                 stamps[entry["recording"]] = entry["stamp"]
-    selected = {name: Chosen(stamps[name], episodes) for name, episodes in chosen.items()}
+    selected = {name: ChosenScenarios(stamps[name], episodes) for name, episodes in chosen.items()}
     return build(
         sorted(roots),
         out,
         _as_found(settings, before),
         bar=bar,
         workers=workers,
-        selection=Selection(before["sorted_by"], selected),
+        selection=SelectedScenarios(before["sorted_by"], selected),
     )
 
 

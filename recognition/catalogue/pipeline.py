@@ -115,7 +115,7 @@ class Summary(NamedTuple):
     unlit: int
 
 
-class Chosen(NamedTuple):
+class ChosenScenarios(NamedTuple):
     """Scenarios of a recording that were found before.
 
     stamp: of the recording then (`stamp_of`). episodes: as JSON.
@@ -125,14 +125,14 @@ class Chosen(NamedTuple):
     episodes: list[str]
 
 
-class Selection(NamedTuple):
+class SelectedScenarios(NamedTuple):
     """Scenarios that were found before, by recording, and whose labels sort them."""
 
     sorted_by: str
-    chosen: Mapping[str, Chosen]
+    chosen: Mapping[str, ChosenScenarios]
 
 
-class Search(NamedTuple):
+class RecordingSearch(NamedTuple):
     """A recording to be searched.
 
     moments: those of a model; None for those of the rules. episodes: those that were found before,
@@ -170,7 +170,7 @@ def build(
     recogniser: Callable[[], Recogniser] = ByRules,
     bar: Bar = _silent,
     workers: Workers = Workers(),  # noqa: B008 - immutable
-    selection: Selection | None = None,
+    selection: SelectedScenarios | None = None,
 ) -> Summary:
     """Make a catalogue of the recordings in files and folders, with the same
     bytes for any number of workers.
@@ -205,8 +205,8 @@ def build(
     if selection is not None:
         sources = _unchanged(sources, selection.chosen, failures)
     _refuse_others(out, {source.name for source in sources})
-    searches: Sequence[Search] = [
-        Search(
+    searches: Sequence[RecordingSearch] = [
+        RecordingSearch(
             located(paths, settings, source, out / _STORE),
             episodes=selection.chosen[source.name].episodes if selection is not None else None,
         )
@@ -267,7 +267,9 @@ def stamp_of(source: Source) -> str:
 
 
 def _unchanged(
-    sources: Sequence[Source], chosen: Mapping[str, Chosen], failures: dict[str, ToolchainError]
+    sources: Sequence[Source],
+    chosen: Mapping[str, ChosenScenarios],
+    failures: dict[str, ToolchainError],
 ) -> list[Source]:
     """The recordings with scenarios that were chosen; those that have changed since are failures,
     as are those that are gone."""
@@ -373,11 +375,11 @@ def _label_in(
 def recognise(
     recogniser: Recogniser,
     settings: CatalogueSettings,
-    searches: Sequence[Search],
+    searches: Sequence[RecordingSearch],
     failures: dict[str, ToolchainError],
     bar: Bar,
     workers: Workers,
-) -> Sequence[Search]:
+) -> Sequence[RecordingSearch]:
     """Have a model look at all recordings, in their order: the searches with its moments.
 
     Recordings that can't be read join the failures. Searches by rules are returned as they are.
@@ -401,7 +403,7 @@ def recognise(
             recogniser.look(location.name, recorded(location), one.site.site, one.events, rest)
             read.append(location)
     # Labels are final after the last recording only.
-    return [Search(location, recogniser.moments(location.name)) for location in read]
+    return [RecordingSearch(location, recogniser.moments(location.name)) for location in read]
 
 
 def _in_part(advance: Advance, share: float, done: float) -> None:
@@ -409,7 +411,7 @@ def _in_part(advance: Advance, share: float, done: float) -> None:
     advance(share * done)
 
 
-def find_in(settings: CatalogueSettings, search: Search) -> Findings | ToolchainError:
+def find_in(settings: CatalogueSettings, search: RecordingSearch) -> Findings | ToolchainError:
     """Find the scenarios of a recording, of which a copy is kept; return the error if it is
     unreadable."""
     try:
@@ -421,7 +423,9 @@ def find_in(settings: CatalogueSettings, search: Search) -> Findings | Toolchain
         return naming(search.location.source, error)
 
 
-def searched(settings: CatalogueSettings, search: Search) -> tuple[_ReadRecording, Findings]:
+def searched(
+    settings: CatalogueSettings, search: RecordingSearch
+) -> tuple[_ReadRecording, Findings]:
     """Read a recording and find its scenarios.
 
     Raises:
@@ -469,14 +473,14 @@ class TrialBlock(NamedTuple):
     trials: Sequence[Trial]
 
 
-class Written(NamedTuple):
-    """Written scenarios of a recording, and errors."""
+class WrittenBlock(NamedTuple):
+    """WrittenBlock scenarios of a recording, and errors."""
 
     written: PendingCatalog
     error: ToolchainError | None
 
 
-def write_in(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Written:
+def write_in(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> WrittenBlock:
     """Write scenarios of a recording into the folder of a catalogue."""
     writer = CatalogWriter(out, settings.config, sorted_by)
     try:
@@ -485,8 +489,8 @@ def write_in(out: Path, settings: CatalogueSettings, sorted_by: str, block: Bloc
     except NotWritten:
         raise  # the other recordings can't be either
     except REFUSALS as error:
-        return Written(writer.written, naming(block.placed.location.source, error))
-    return Written(writer.written, None)
+        return WrittenBlock(writer.written, naming(block.placed.location.source, error))
+    return WrittenBlock(writer.written, None)
 
 
 def play_in(out: Path, block: TrialBlock) -> list[Played]:
@@ -534,7 +538,7 @@ class _CatalogueBuild:
         self._trials: list[TrialBlock] = []
         self._repaired: dict[str, str] = {}
 
-    def find(self, searches: Sequence[Search], bar: Bar) -> list[Findings]:
+    def find(self, searches: Sequence[RecordingSearch], bar: Bar) -> list[Findings]:
         """Find the scenarios of recordings; the outcome of those that could be read."""
         by_model = any(search.moments is not None for search in searches)
         read = []
