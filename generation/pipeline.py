@@ -109,8 +109,10 @@ _GATED, _GATED_FIRST = 0.2, 250
 played at first"""
 _SEARCH = "search"
 """Phase of runs that a method chooses"""
-_CANDIDATES = 40
-"""Points that are played to choose a run, about"""
+_TIMED = 30
+"""Draws that tell how long a run takes"""
+_CHOOSING = 1200, 1600, 40
+"""About the fewest points that are played first to choose runs, those for a round, and its runs"""
 _GATED_UNTIL = 0.6
 """Share of the search's time after which nothing more is replayed one by one"""
 _DRAWN = 30, 0.25
@@ -426,7 +428,7 @@ class _Work:
         begun = time.monotonic()
         self.unseen = self._drawn()
         self._per_run = (time.monotonic() - begun) / max(evaluator.calls, 1)
-        self._per_run *= evaluator.calls > 0
+        self._per_run *= evaluator.calls >= _TIMED
         clock.phase("measuring the density by replays and draws")
         self._plays = _plays(scenario, space, settings)
         timed = (
@@ -478,7 +480,7 @@ class _Work:
     @property
     def forecast(self) -> tuple[float, float]:
         """Seconds that the rest takes, at the rates of draws and plays so far: least, most; 0 where
-        all draws were kept.
+        too few draws were run to tell.
         """
         settings, per_run = self._asked.settings, self._per_run
         sought = settings.budget - len(self.unseen.theta)
@@ -487,10 +489,14 @@ class _Work:
         driven = len(self._judges) * (cases + estimated) + (1 + settings.repeat) * cases
         least = most = 0.0
         if self._screen is not None:
-            chosen = PLAYED + _CANDIDATES * sought
+            traffic, candidates, batch = _CHOOSING
+            chosen = min(_PLAYED * settings.budget + traffic, PLAYED)
+            chosen += candidates * math.ceil(sought / max(batch, settings.budget // 50))
             least = self._screen.seconds(chosen)
             most = least + self._screen.seconds(MOST_LOOKED if settings.estimate else 0)
         runs = sought + estimated
+        if not per_run:
+            return 0.0, 0.0
         return least + per_run * runs, most + per_run * (runs + driven)
 
     @property

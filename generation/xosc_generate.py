@@ -161,7 +161,7 @@ def _searches(
     source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None
 ) -> Iterator[Search]:
     from generation.search.variations import asked_of, freed, with_literals
-    from generation.space.recorded import of_catalogue
+    from generation.space.recorded import folders_of, not_searched, of_catalogue
 
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
@@ -176,13 +176,16 @@ def _searches(
             "a catalogue brings its recorded parameters along: --recorded, --kind, --map are for "
             "single scenarios"
         )
-    catalogue = list(of_catalogue(source))
+    catalogue = list(of_catalogue(source, alone=bool(settings.run.fail_if)))
+    searched = {scenario.path.parent for scenario in catalogue}
+    left = {path: not_searched(path) for path in folders_of(source) if path not in searched}
+    for path, reason in left.items():
+        if reason:
+            say(f"{NAME}: {path}: nothing is searched: {reason}", to=sys.stderr)
     if not catalogue:
-        raise UsageError(
-            "no scenario with parameters to search and another participant beside the ego is in "
-            "this folder or those in it; single files can be named",
-            path=source,
-        )
+        if not any(left.values()):
+            raise UsageError("no scenario is in this folder or those in it", path=source)
+        raise typer.Exit(ExitCode.FINDING)
     free, ranges = freed(ask.free)
     if ranges:
         raise UsageError(
@@ -477,8 +480,8 @@ def _chosen(generated: Generated, settings: SearchSettings) -> Iterator[str]:
         foreseeable = int(generated.prior.foreseeable(every.theta[failing]).sum())
         yield (
             f"  of {many(int(failing.sum()), generated.failure)} in all runs {foreseeable} are "
-            f"foreseeable; the other {left} are no cases: not foreseeable, not prevented by a "
-            f"careful driver, or nearer than {settings.choice.apart:.0%} of the ranges to a case"
+            f"foreseeable; left out: {left}, as not foreseeable, prevented by no careful driver, "
+            f"or nearer than {settings.choice.apart:.0%} of the ranges to a case"
         )
 
 

@@ -39,6 +39,8 @@ from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.policy import scratch
+from schemas.common.terminal.text import many
+from xosc.document import Document
 from xosc.document.node import Node
 from xosc.resolve.parameters import ParameterScope
 from xosc.writing.tags import PREFIX
@@ -477,18 +479,21 @@ def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
     return {name: marginal.sample(n, generator) for name, marginal in marginals.items()}
 
 
-def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
+def of_catalogue(path: Path, alone: bool = False) -> Iterator[RecordedScenario]:
     """Return, for each folder in a catalogue, the scenario in the middle of those that declare the
     same parameters.
 
     The recorded parameters are the values that those scenarios declare; most of a kind win where
-    there are several kinds. Where the ego is alone, nothing can be searched.
+    there are several kinds.
+
+    Args:
+        alone: whether scenarios with the ego alone count, which can't collide.
     """
     # The folder itself too: a single class may have been named.
-    for folder in (path, *sorted(folder for folder in path.iterdir() if folder.is_dir())):
+    for folder in folders_of(path):
         kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
         for file in sorted(folder.glob("*.xosc")):
-            declared = _declared(file)
+            declared = _declared(file, alone)
             if declared is not None:
                 names, row, recording = declared
                 kinds.setdefault(names, []).append((file, row, recording))
@@ -501,14 +506,46 @@ def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
             )
 
 
-def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
+def folders_of(catalogue: Path) -> list[Path]:
+    """Return a catalogue's folders: itself, and those in it."""
+    return [catalogue, *sorted(path for path in catalogue.iterdir() if path.is_dir())]
+
+
+def not_searched(folder: Path) -> str:
+    """Reasons for which nothing in a folder of a catalogue is searched, and what to do; empty where
+    it has no scenario."""
+    lonely = plain = 0
+    for file in folder.glob("*.xosc"):
+        document = xosc.load(file)
+        if document.kind == "scenario":
+            alone = _ego_alone(document)
+            lonely, plain = lonely + alone, plain + (not alone)
+    reasons = []
+    if lonely:
+        reasons.append(
+            f"the ego is alone in {many(lonely, 'scenario')} and can't collide: --fail-if, as "
+            "'max_jerk>5', searches other failures of those with parameters"
+        )
+    if plain:
+        reasons.append(
+            f"{many(plain, 'scenario')} with others declare no parameter that is a number: name a "
+            "file, with --free LINE@ATTRIBUTE=LOW..HIGH for a literal of it"
+        )
+    return "; ".join(reasons)
+
+
+def _ego_alone(document: Document) -> bool:
+    return len(document.node.need("Entities").children()) < 2
+
+
+def _declared(file: Path, alone: bool) -> tuple[tuple[str, ...], FloatArray, str] | None:
     """Names and values of a scenario's searchable parameters, and the recording that it is from;
     None without any.
 
-    The same for a scenario with the ego alone.
+    The same for a scenario with the ego alone, unless these count.
     """
     document = xosc.load(file)
-    if document.kind != "scenario" or len(document.node.need("Entities").children()) < 2:
+    if document.kind != "scenario" or (_ego_alone(document) and not alone):
         return None
     try:
         names = Space.of(file).names

@@ -19,6 +19,7 @@ from generation.space.recorded import (
     Recorded,
     RecordedScenario,
     kind_of,
+    not_searched,
     of_catalogue,
     of_recordings,
     of_samples,
@@ -194,6 +195,10 @@ def test_a_scenario_with_nobody_besides_the_ego_is_not_searched(tmp_path: Path) 
         entities.remove(each)
     xosc.write(tagged, tmp_path / "alone.xosc")
     assert list(of_catalogue(tmp_path)) == []
+    (alone,) = of_catalogue(tmp_path, alone=True)
+    assert alone.path.name == "alone.xosc"
+    reason = not_searched(tmp_path)
+    assert reason.startswith("the ego is alone in 1 scenario and can't collide: --fail-if")
 
 
 def test_kinds_by_name_are_those_of_the_tables_of_scenarios() -> None:
