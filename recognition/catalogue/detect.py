@@ -178,6 +178,7 @@ def joined(moments: Iterable[Moment], gap: float) -> list[Detection]:
     Args:
         gap: greatest time between the windows of one finding, s.
     """
+    # By class too: what is of two classes at a time is a scenario of each.
     groups: dict[tuple[str, str], list[Moment]] = {}
     for moment in moments:
         groups.setdefault((moment.ego, moment.title), []).append(moment)
@@ -278,6 +279,7 @@ def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iter
     if time[-1] - time[0] < needs.duration:
         yield f"recorded for {time[-1] - time[0]:.1f} s only"
         return
+    # The extent, not the way: places of a parked vehicle jitter, and add up to a long way.
     extent = math.hypot(np.ptp(x), np.ptp(y))
     if extent < needs.extent:
         yield f"moves within {extent:.1f} m only"
@@ -287,6 +289,7 @@ def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iter
     speed = float((np.hypot(np.diff(x), np.diff(y)) / steps).max())
     if speed > needs.speed:
         yield f"jumps at {speed:.0f} m/s"
+    # A vehicle beside the map drives where the scenario has no road to play it on.
     share = _on_road(track, network)
     if share < needs.on_road:
         yield f"on a road for {share:.0%} of its rows only"
@@ -405,6 +408,7 @@ def of_findings(recording: str, findings: Iterable[Detection], around: Around) -
     episodes = []
     for finding in findings:
         moment = finding.moment
+        # Padded: names in the order of letters are in that of time.
         name = f"{plain(recording)}_{plain(moment.ego)}_{moment.time:07.2f}"
         start, end = finding.start - around.before, finding.end + around.after
         episodes.append(

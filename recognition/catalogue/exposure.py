@@ -111,6 +111,7 @@ def rates(
             events[EVERYWHERE, title] += count
     for (site, _), count in list(events.items()):
         events[site, EVERYWHERE] += count
+    # Only what occurs anywhere: for other classes the recordings may not show that they can.
     classes = sorted({title for _, title in events} - {EVERYWHERE})
     return [
         _row(site, title, events[site, title], seen(site, title))

@@ -170,6 +170,7 @@ def find(
                 failures |= one.failures
                 read, excluded = read + one.read, excluded + one.excluded
                 advance(len(block.searches))
+    # Of this call alone: what can be read by now is no failure any more.
     store.write(_FAILURES, _json({name: str(error) for name, error in failures.items()}))
     skipped = [file for one in listed(paths, settings.columns) for file in one.skipped]
     return Found(classes, excluded, read, len(sources) - len(new), failures, skipped)
@@ -310,6 +311,7 @@ def _enter(
             folder = f"{FINDINGS}/site={quote(site, safe='')}/day={quote(day, safe='')}"
             store.write(f"{folder}/{block.name}.parquet", as_parquet(listed_rows, ROWS))
     if entries:
+        # Last: a block counts by this table, so that rows of an interrupted one are found again.
         content = as_parquet(entries, _OF_RECORDINGS)
         store.write(f"{_RECORDINGS}/{block.name}.parquet", content)
     counts = Counter(row["class"] for part in rows.values() for row in part)
@@ -379,6 +381,7 @@ def write(
     chosen: dict[str, list[str]] = {}
     expression = question.expression if question is not None else None
     try:
+        # In batches: the rows that do not meet the condition never are in memory together.
         for batch in rows.to_batches(columns=["recording", _EPISODE], filter=expression):
             for row in batch.to_pylist():
                 chosen.setdefault(row["recording"], []).append(row[_EPISODE])

@@ -36,6 +36,7 @@ from recognition.catalogue.detect import (
     by_rules,
     of_findings,
     of_vehicles,
+    plain,
 )
 from recognition.catalogue.exposure import Mileage, exposure_of
 from recognition.catalogue.recordings import (
@@ -243,14 +244,18 @@ def opened(paths: Sequence[Path], settings: CatalogueSettings) -> list[Source]:
     sources = datasets.opened(tuple(paths), settings.road, settings.columns)
     first: dict[str, Source] = {}
     for source in sources:
-        # Names of recordings become names of files, and keys of the index.
-        other = first.setdefault(source.name, source)
+        # Names of recordings become names of files, in which some characters can't stand: of two
+        # that are one without them, the scenarios of the second would replace those of the first.
+        other = first.setdefault(plain(source.name), source)
         if other is not source:
-            message = (
+            told = (
                 f"{other.path} has a recording called {source.name!r} too: give each once, in one "
                 "folder that holds both"
+                if other.name == source.name
+                else f"files of recording {source.name!r} would have the names of those of "
+                f"{other.name!r}, as both are {plain(source.name)!r} there: rename one of them"
             )
-            raise UsageError(message, path=source.path)
+            raise UsageError(told, path=source.path)
     return sources
 
 

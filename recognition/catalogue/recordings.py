@@ -83,6 +83,8 @@ class RecordingStore:
             self._folder.mkdir(parents=True, exist_ok=True)
             columns = self._path(source, "arrow")
             with drafted(columns) as draft:
+                # Read back a few times within minutes, then removed: packing would take longer than
+                # it saves.
                 feather.write_feather(table, str(draft), compression="uncompressed")
             self._records(source).replace(
                 [about | {"report": asdict(report), "columns": _digest(columns)}]
@@ -99,6 +101,7 @@ class RecordingStore:
                 about["tracks"], ends, ends[1:], strict=False
             )
         ]
+        # By its path: a copy of the map in each recording would be read as another one each time.
         network = loaded(Path(about["network"])) if about["network"] else None
         return Kept(Recording(tracks, about["timestep"], network), _report(about["report"]))
 
@@ -150,6 +153,8 @@ class _Table:
 
     def rows(self, part: slice) -> dict[str, np.ndarray]:
         """Subset of the rows of each column."""
+        # Columns of Arrow are read-only, and shared by all tracks; road coordinates are written
+        # into them.
         return {name: values[part].copy() for name, values in self._columns.items()}
 
 

@@ -186,6 +186,7 @@ def _sampled(tracks: Sequence[Track], slowest: float = 0.0) -> _Sample:
         for name in ("x", "y", "z", "h", "speed")
     )
     track = np.repeat(np.arange(len(columns)), np.array([len(one["x"]) for one in columns], int))
+    # Over rows, not tracks: a vehicle that was recorded for long says more about the map.
     fast = np.flatnonzero(np.abs(speed) >= slowest)
     rows = fast[np.linspace(0, len(fast) - 1, _SAMPLED).astype(int)] if len(fast) else fast
     # A vehicle in reverse moves against its heading.
@@ -251,6 +252,7 @@ class _Proposal:
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
         first = {number: self._first(number) for number in driving}
         self.roles = {number: LaneGuess(role) for number, role in first.items()}
+        # After the others: an approach is told by the role of the lane that follows.
         self._add_approaches()
         own = {number: guess.role for number, guess in self.roles.items()}
         self.roles |= ramp_roles(network, graph, own)
@@ -291,6 +293,7 @@ class _Proposal:
         """Whether a junction has traffic lights; None where it is no junction: no way crosses or
         turns, or it is on a ring."""
         junction = self._network.junctions[junction_id]
+        # Direct junctions join and split ramps, where no way crosses another one.
         inside = (
             {connection.connecting_road for connection in junction.connections}
             if junction.type != "direct"
@@ -415,6 +418,7 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
         source.report.remarks += (note for note in road.notes if note not in source.report.remarks)
     brought = recording.network if source.given is None else None
     network = brought or load(road.path)
+    # Recorded phases do not say which roads they are for: all junctions have lights then.
     lights = frozenset(network.roads) if road.signalised else road.lights
     site = site_at(road.path, network, lights, roads, _driven(recording))
     if source.report is not None:

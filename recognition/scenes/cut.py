@@ -29,6 +29,7 @@ def needed(time: FloatArray, values: FloatArray) -> IntArray:
     """Rows between which values (n, k) are linear in time but for less than 1, ends included
     (Douglas and Peucker, 1973)."""
     kept = {0, len(time) - 1}
+    # A stack of its own: halves of a long track nest deeper than Python's calls may.
     pending = [(0, len(time) - 1)]
     while pending:
         a, b = pending.pop()
@@ -226,6 +227,7 @@ class SceneCutter:
             name = _free(
                 f"{other.category}_{other.name}".replace("::", "_").replace("$", "_"), taken
             )
+            # Bystanders may be further off, which saves vertices: most participants are such.
             beside = involved is not None and other.name not in involved
             parts.append(
                 self._part(
@@ -243,6 +245,7 @@ class SceneCutter:
             ego.columns["x"][mine[own]] - theirs.x[rows],
             ego.columns["y"][mine[own]] - theirs.y[rows],
         )
+        # A frame that the ego lacks is compared with its row before or after, and dropped here.
         near = (np.hypot(dx, dy) <= self.scope.reach) & (frames[own] == theirs.frame[rows])
         for index in np.unique(theirs.track[rows[near]]):
             other = self._tracks[index]

@@ -150,6 +150,8 @@ def as_parquet(rows: Sequence[Row], columns: Mapping[str, type] = COLUMNS) -> by
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    # Types are declared: a column that is empty in one catalogue would be of another type there,
+    # and tables of several could not be read as one.
     types = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
     table = pa.table(
         {
@@ -188,6 +190,7 @@ class Catalogue:
 
     def road(self, path: Path) -> str:
         """Write the road of a site, once for each content; its name in the catalogue."""
+        # By content: two sites may have one map, and maps of two sites one name.
         content = path.read_bytes()
         key = digest(content)
         if key not in self._roads:
@@ -239,6 +242,7 @@ class Catalogue:
         self._films |= written.films
         self.store.take(written.files, written.edited)
         for place, entries in written.entries.items():
+            # Names of entries hold what sets them apart: of one name the first stands for all.
             own = self._entries.setdefault(place, {})
             for name, built in entries.items():
                 own.setdefault(name, built)
@@ -259,6 +263,8 @@ class Catalogue:
             if outcome.fault is not None:
                 del rows[outcome.file]
                 self.unplayable[outcome.file] = outcome.fault
+                # Whatever belongs to the scenario alone goes with it: nothing in the folder may be
+                # unlisted.
                 for name in (outcome.file, maneuver, row["openlabel"], *self._trajectories(row)):
                     self.store.discard(name or "")
             elif outcome.maneuver_fault is not None:

@@ -67,6 +67,7 @@ def _play(root: Path, recording: Recording, trial: Trial) -> Played:
     duration = trial.end - trial.start + _LATE
     result = _result(root / trial.file, duration)
     fault = _fault(result, duration)
+    # Without its replay the scenario is not listed: its manoeuvre need not be played.
     of_maneuver = None
     if trial.maneuver is not None and fault is None:
         of_maneuver = _fault(_result(root / trial.maneuver, _LONGEST), _LONGEST)
@@ -108,6 +109,7 @@ def _deviation(recorded: Track, start: float, played: Track) -> float | None:
     """Greatest distance (m) of a played track from the raw places; None without rows in common."""
     columns, driven = recorded.columns, played.columns
     time = columns["time"] - start
+    # Between the played rows only: before its entry and after its exit a participant is nowhere.
     there = (time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)
     if not there.any():
         return None

@@ -85,6 +85,7 @@ def criticality_of(scene: Excerpt) -> dict[str, float | None]:
         for name, value in found.summary.items()
     }
     return extremes | {
+        # A scenario begins at 0, whatever the clock of its recording says then.
         "collision_time": found.impact.time - scene.start if found.impact is not None else None
     }
 
@@ -107,6 +108,7 @@ def tags(
         conditions: of the recording.
     """
     named = {**facts, **{f"rule_{key}": value for key, value in facts["tags"].items()}}
+    # Absent values get no tag: readers would take a word for one as a value.
     own = [
         Tag(_type(key), value)
         for key, value in named.items()
@@ -324,6 +326,7 @@ class CatalogWriter:
             episode, ".openlabel.json", xosc_tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR)
         )
         self._rows.append(row)
+        # Played later: catalogues that recordings share lack entries until the last one is written.
         self._trials.append(Trial.of(row["file"], row["maneuver"], scene))
         moment = episode.finding.moment if episode.finding is not None else None
         middle = moment.time if moment is not None else 0.5 * (scene.start + scene.end)
@@ -450,6 +453,7 @@ class _Context(NamedTuple):
 
 def _context(material: Material, road: str, episode: Episode) -> _Context:
     """An episode with its scene, cut from the recording."""
+    # The scene of a whole vehicle is about all that it meets: nobody in it is a bystander.
     involved = (
         None
         if episode.passage is not None or episode.finding is None
@@ -475,6 +479,7 @@ def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
     """The scenario's row of the index, but for its files."""
     source, episode, scene = context.material.source, context.episode, context.scene
     moment = episode.finding.moment if episode.finding is not None else None
+    # What rules do not name is blank, not `unknown`: that is a label of the model.
     rule = moment.rule.title if moment is not None and moment.rule else None
     measured = {
         name: None if value is None else round(value, 3)
@@ -532,9 +537,11 @@ def _pair(context: _Context) -> dict[str, Any]:
         (ego.columns[name][at : at + 1] for name in ("road_id", "lane_id", "s")),
     )
     strip = lanes.find(road, lane.astype(np.int64), s)
+    # Beside its lane the ego has the kind and the limit of another place.
     if lanes.contains(strip, s, ego.columns["lane_offset"][at : at + 1])[0]:
         limit = float(lanes.speed_limit[strip[0]])
         pair["road_kind"] = str(ROLES[site.roles.codes(lanes, strip, s)[0]])
+        # A map without limits has infinite ones; then what is stated beside the recording counts.
         given = limit if math.isfinite(limit) else context.material.conditions.limit
         pair["limit"] = None if given is None else round(given, 3)
     lights = context.material.lights

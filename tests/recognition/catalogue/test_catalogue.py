@@ -75,6 +75,15 @@ def catalogue(made: Path, tmp_path: Path) -> Path:
     return copytree(made, tmp_path / "catalogue")
 
 
+def test_recordings_whose_files_would_have_one_name_are_refused(tmp_path: Path) -> None:
+    for folder in ("a b", "a_b"):
+        motorway.write_motorway(tmp_path / "in" / folder, "01")
+    with pytest.raises(
+        UsageError, match=r"of recording 'a_b/01' would have the names of .*'a b/01'"
+    ):
+        build(tmp_path / "in", tmp_path / "out")
+
+
 def test_every_file_is_sound(made: Path) -> None:
     assert [
         problem for _, problems in check_many(expand([str(made)])) for problem in problems
