@@ -42,8 +42,8 @@ failures](generation-results.md#planted-failures).
 _MIDDLE = """\
 Tables that say *middle settings* have the recordings of the full ones, {seeds} seeds, at most
 {events} windows of each class, and the small encoder `{grids}` in the place of the publication's:
-five seeds of that one take a GPU for hours. The notes beside the commands below say which seeds and
-rounds a run had when it ended: figure 3 and W have two to four rounds of one seed.
+five seeds of that one take a GPU for hours. Figure 3 and W have one seed, and the
+rounds that the notes beside the commands below say.
 """
 _FULL = """\
 All others have at most {events} windows of each class and {budget} runs a search. *As published*:

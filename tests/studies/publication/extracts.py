@@ -75,13 +75,18 @@ _SCENES: tuple[tuple[_Drive, ...], ...] = (
     (_Drive(0.0, 33.0, 0),),  # free cruise
     (_Drive(0.0, 28.0, 0), _Drive(42.0, 28.0, 0)),  # car following
     (_Drive(0.0, 28.0, 0, gain=-3.0, late=1.0), _Drive(54.0, 28.0, 0, gain=-3.0)),
-    # Cut in; soon after the start of the stretch too.
-    *[(_Drive(0.0, 30.0, 0), _Drive(60.0, 28.0, 1, 0))] * 2,
-    (_Drive(0.0, 30.0, 0), _Drive(60.0, 28.0, 1, 0, at=-4.0)),
+    # Cut in; soon after the start of the stretch and just before its end too.
+    *[(_Drive(0.0, 30.0, 0), _Drive(60.0, 28.0, 1, 0, at=at)) for at in (0.0, -4.0, 4.0)],
     *[(_Drive(0.0, 29.0, 0), _Drive(45.0, 29.0, 0, 1))] * 2,  # cut out
-    # Slow traffic, as roads in towns need: cut in, and braking.
-    *[(_Drive(0.0, 10.0, 0), _Drive(14.0, 9.0, 1, 0))] * 2,
-    *[(_Drive(0.0, 14.0, 0, gain=-2.4, late=1.0), _Drive(27.0, 14.0, 0, gain=-2.4))] * 2,
+    # Slow traffic, as roads in towns need, early and late: cut in, and braking.
+    *[(_Drive(0.0, 10.0, 0), _Drive(14.0, 9.0, 1, 0, at=at)) for at in (-15.0, 13.0)],
+    *[
+        (
+            _Drive(0.0, 14.0, 0, gain=-2.4, late=late + 1.0),
+            _Drive(27.0, 14.0, 0, gain=-2.4, late=late),
+        )
+        for late in (-9.0, 8.0)
+    ],
     (_Drive(0.0, 31.0, 0, 1),),  # left lane change
     (_Drive(0.0, 31.0, 1, 0),),  # right lane change
 )
