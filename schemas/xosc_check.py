@@ -158,15 +158,15 @@ def _triaged(
         told = "--triage plays files, which needs the whole toolchain: call xosc-check"
         raise UsageError(told) from None
     with progress_bar("trying", len(paths), quiet) as advance:
-        found = []
+        triaged = []
         for file in module.triage(paths, catalog_path, road_path):
-            found.append(file)
+            triaged.append(file)
             advance(1)
-    deliver(module.FORMATS[format](found), "the triage", output)
+    deliver(module.FORMATS[format](triaged), "the triage", output)
     if output is not None and not quiet:
-        print(module.summary(found))
+        print(module.summary(triaged))
         say(f"triage: {output}")
-    return any(file.group == module.REFUSED for file in found)
+    return any(file.group == module.REFUSED for file in triaged)
 
 
 def _piped() -> dict[Path, bytes]:

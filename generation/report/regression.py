@@ -300,12 +300,12 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
     """Whether failures of before (n,) are unlike points (m,), by all that distinguishes cases: (n,
     m)."""
     space, columns = tried.space, distinctive(tried.space)
-    found = np.ones((len(before.values), len(tried.theta)), bool)
+    unlike = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):
         point = space.point(values)
         # At another pinned value nothing is like it: the row stays all true.
         if point is not None and _alike(space, values):
-            found[row] = apart(
+            unlike[row] = apart(
                 space.unit(tried.theta)[:, columns], space.unit(point[None])[:, columns], least
             )
-    return found
+    return unlike

@@ -246,9 +246,9 @@ class Simulator:
 
     def of(self, jobs: Iterable[Job | Outcome]) -> Outcomes:
         """The outcomes of jobs, in their order."""
-        found = list(self._pool.execute(iter(jobs)))
-        self.calls += len(found)
-        rows = [_row(one) for one in found]
+        outcomes = list(self._pool.execute(iter(jobs)))
+        self.calls += len(outcomes)
+        rows = [_row(one) for one in outcomes]
         return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
 
 
@@ -293,7 +293,7 @@ def measures(result: RunResult, rss: str, limits: Sequence[Limit] = ()) -> dict[
     if seen is None or seen.conflict is None:
         return judged
     touched = seen.impact is not None
-    found = judged | {
+    measured = judged | {
         "r_risk": seen.risk(rss) or 0.0,
         # A contact at the side has no time to collision with a lead: by definition it is 0 then.
         "min_ttc": 0.0
@@ -308,9 +308,9 @@ def measures(result: RunResult, rss: str, limits: Sequence[Limit] = ()) -> dict[
     }
     impact = seen.impact
     return (
-        found
+        measured
         if impact is None
-        else found
+        else measured
         | {"impact_speed": impact.speed, "side": impact.side, "striking": impact.striking}
     )
 
@@ -326,19 +326,19 @@ def episode(job: Job, settings: RunSettings, rss: str) -> dict[str, Any]:
     return _row(_episode(job, settings, rss))
 
 
-def _row(found: Outcome) -> dict[str, Any]:
+def _row(outcome: Outcome) -> dict[str, Any]:
     """Return the columns of `Outcomes` for one run. An inconclusive run is
     neither a success of the system nor a failure.
     """
     # Kept apart from failures: a run that tested nothing must not count for or against the system.
-    lost = found.state in ("error", INCONCLUSIVE)
-    status = found.state if lost else found.status
+    lost = outcome.state in ("error", INCONCLUSIVE)
+    status = outcome.state if lost else outcome.status
     ended = {
-        "end_time": found.end_time or 0.0,
+        "end_time": outcome.end_time or 0.0,
         "status": status,
-        "error": _from_here(found.message, found.job.scenario) if lost else "",
+        "error": _from_here(outcome.message, outcome.job.scenario) if lost else "",
     }
-    return {**NOTHING, **found.measures, **ended}
+    return {**NOTHING, **outcome.measures, **ended}
 
 
 def _from_here(message: str, scenario: Path) -> str:
@@ -372,13 +372,15 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
         with limited():
             result = run(job.scenario, chosen, parameters=job.parameters)
             verdict = result.verdict
-            found = measures(result, rss, chosen.limits) if verdict.outcome != INCONCLUSIVE else {}
+            measured = (
+                measures(result, rss, chosen.limits) if verdict.outcome != INCONCLUSIVE else {}
+            )
     # One broken point of a thousand is a row with an error, not the end of the search.
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)
     told = one_line("; ".join(verdict.reasons))
     return Outcome(
-        job, verdict.outcome, CODES[verdict.outcome], told, result.status, result.end_time, found
+        job, verdict.outcome, CODES[verdict.outcome], told, result.status, result.end_time, measured
     )
 
 
@@ -517,14 +519,14 @@ def survivors(theta: FloatArray, drivers: Drivers, judges: Sequence[str] = JUDGE
     """The points (n,) of (n, d) that one of the judges survives; each is asked
     only where those before it have not.
     """
-    found = np.zeros(len(theta), bool)
+    prevented = np.zeros(len(theta), bool)
     # Runs are what a search pays for: the second judge drives only what the first one does not
     # survive.
     for judge in judges:
-        left = np.flatnonzero(~found)
+        left = np.flatnonzero(~prevented)
         if left.size:
-            found[left] = drivers(theta[left], judge).survived
-    return found
+            prevented[left] = drivers(theta[left], judge).survived
+    return prevented
 
 
 Run = Callable[[int], tuple[BoolArray, BoolArray]]
@@ -658,23 +660,23 @@ def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
     braking can do, and counts as a run that failed: it is the same as that of
     what the scenario scripts alone.
     """
-    found = drivers(theta, sut)
-    rows = np.flatnonzero(found.executed & found.collision)
+    outcomes = drivers(theta, sut)
+    rows = np.flatnonzero(outcomes.executed & outcomes.collision)
     if sut != FULL_BRAKING or not rows.size:
-        return found
+        return outcomes
     # If nobody changes anything before the contact, full braking never starts: its run is the
     # scripted one, contact and all.
-    hit, scripted = found.take(rows), drivers(theta[rows], "none")
+    hit, scripted = outcomes.take(rows), drivers(theta[rows], "none")
     same = np.isclose(hit.conflict, scripted.conflict) & np.isclose(
         hit.impact_speed, scripted.impact_speed
     )
     never = np.zeros(len(theta), bool)
     never[rows] = scripted.executed & scripted.collision & same
     status, error = (
-        np.where(never, "error", found.status),
-        np.where(never, NEVER_BRAKED, found.error),
+        np.where(never, "error", outcomes.status),
+        np.where(never, NEVER_BRAKED, outcomes.error),
     )
-    return replace(found, status=status, error=error, collision=found.collision & ~never)
+    return replace(outcomes, status=status, error=error, collision=outcomes.collision & ~never)
 
 
 def agrees(one: Outcomes, other: Outcomes) -> bool:
@@ -691,8 +693,10 @@ def remembering(drivers: Drivers) -> Drivers:
         # A dict drops rows that are asked for twice in one call.
         missing = {key: row for row, key in enumerate(keys) if key not in known}
         if missing:
-            found = drivers(theta[list(missing.values())], sut)
-            known.update((key, found.take(np.array([place]))) for place, key in enumerate(missing))
+            outcomes = drivers(theta[list(missing.values())], sut)
+            known.update(
+                (key, outcomes.take(np.array([place]))) for place, key in enumerate(missing)
+            )
         return joined([known[key] for key in keys]) if keys else Outcomes.of(0)
 
     return driving
@@ -790,7 +794,7 @@ class Cases:
             for row, (fails, failing, runs) in enumerate(zip(*repeats, strict=True)):
                 others = f"; {failing} of {runs} runs with other seeds" if runs else ""
                 again[row] = f"{'again' if fails else 'not again'} with the same seed{others}"
-        survived = {name: found.survived for name, found in self.drivers.items()}
+        survived = {name: driven.survived for name, driven in self.drivers.items()}
         return {
             "Verdict": np.select(
                 [outcomes.touching, outcomes.collision], [COLLISION, LIMIT], VIOLATION
@@ -898,8 +902,8 @@ class _Taken:
 
 def _rounded(values: FloatArray) -> list[float]:
     """Values to six decimal digits."""
-    found: list[float] = np.round(values, 6).tolist()
-    return found
+    rounded: list[float] = np.round(values, 6).tolist()
+    return rounded
 
 
 # table of all runs of a search ---------------------------------------------------------------

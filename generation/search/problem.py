@@ -99,8 +99,8 @@ class Realism:
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that
         they have no excess."""
-        found = self.density.log_density(theta)
-        return found, -found <= self.limit
+        densities = self.density.log_density(theta)
+        return densities, -densities <= self.limit
 
     def excess(self, theta: FloatArray) -> FloatArray:
         """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
@@ -169,9 +169,11 @@ class History(Episodes):
             InvalidFile: it is something else.
         """
         try:
-            with np.load(path, allow_pickle=False) as found:
-                outcomes = Outcomes(**{each.name: found[each.name] for each in fields(Outcomes)})
-                return cls(found["theta"], outcomes, found["rewards"])
+            with np.load(path, allow_pickle=False) as arrays:
+                outcomes = Outcomes(
+                    **{field.name: arrays[field.name] for field in fields(Outcomes)}
+                )
+                return cls(arrays["theta"], outcomes, arrays["rewards"])
         # A file cut short, or of another kind, fails in numpy, zipfile or zlib, depending on where.
         except (
             OSError,
@@ -393,16 +395,16 @@ class Memory:
         places = [self._places[key] for key in keys]
         if not places:
             return Outcomes.of(0)
-        found, order = list[Outcomes](), list[int]()
+        parts, order = list[Outcomes](), list[int]()
         # Answers lie in blocks, one for each request; gathering by block copies columns instead of
         # values.
         for block in dict.fromkeys(block for block, _ in places):
             numbers = [number for number, (of, _) in enumerate(places) if of == block]
-            found.append(
+            parts.append(
                 self._blocks[block][1].take(np.array([places[number][1] for number in numbers]))
             )
             order += numbers
-        return joined(found).take(np.argsort(order))
+        return joined(parts).take(np.argsort(order))
 
     @property
     def everything(self) -> tuple[FloatArray, Outcomes]:

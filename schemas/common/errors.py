@@ -56,18 +56,18 @@ def exit_codes(passed: str, finding: str, inconclusive: str = "") -> str:
         finding: meaning of code 1; empty for a command that finds nothing wrong.
         inconclusive: meaning of code 6; empty for a command without runs.
     """
-    found = [
+    codes = [
         f"0 {passed}",
         *([f"1 {finding}"] if finding else []),
         "2 wrong usage",
         "3 invalid or missing file",
     ]
-    found += [
+    codes += [
         "4 unsupported",
         "5 internal error" + " or a system under test that fails" * bool(inconclusive),
     ]
-    found += [f"6 {inconclusive}"] if inconclusive else []
-    return f"Exit codes: {', '.join(found)}. With several, the gravest."
+    codes += [f"6 {inconclusive}"] if inconclusive else []
+    return f"Exit codes: {', '.join(codes)}. With several, the gravest."
 
 
 def gravest(codes: Iterable[int]) -> int:

@@ -167,8 +167,8 @@ def public(
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, mark, own = homes[name].partition(":")
-        found = optional(module)
-        return found if mark and not own else getattr(found, own or name)
+        imported = optional(module)
+        return imported if mark and not own else getattr(imported, own or name)
 
     def __dir__() -> list[str]:
         names = vars(sys.modules[package])
@@ -188,8 +188,8 @@ def names(package: str) -> tuple[str, ...]:
     Args:
         package: its full name; it is imported itself, so its `__init__` is to be light.
     """
-    found = (module.name for module in iter_modules(import_module(package).__path__))
-    return tuple(sorted(name for name in found if not name.startswith("_")))
+    every = (module.name for module in iter_modules(import_module(package).__path__))
+    return tuple(sorted(name for name in every if not name.startswith("_")))
 
 
 def load(package: str) -> list[ModuleType]:
@@ -211,8 +211,8 @@ def described(package: str, constant: str) -> dict[str, Any]:
         ValueError: a module assigns something else than a literal (numbers, texts, None, and
             tuples, dicts, … of them).
     """
-    found = {name: _constant(f"{package}.{name}", constant) for name in names(package)}
-    return {name: ast.literal_eval(value) for name, value in found.items() if value is not None}
+    constants = {name: _constant(f"{package}.{name}", constant) for name in names(package)}
+    return {name: ast.literal_eval(value) for name, value in constants.items() if value is not None}
 
 
 def _constant(module: str, constant: str) -> ast.expr | None:
@@ -277,8 +277,8 @@ def offered(name: str) -> Any:
         KeyError: no package offers it.
     """
     module, _, function = _OFFERED[name].partition(":")
-    found = import_module(module)
-    return getattr(found, function) if function else found
+    imported = import_module(module)
+    return getattr(imported, function) if function else imported
 
 
 # the working folder ---------------------------------------------------------------------------
@@ -328,10 +328,10 @@ class _WorkingFolder:
             fullname == self.wanted or _importer(sys._getframe(1)) in self._found
         ):
             return None
-        found = PathFinder.find_spec(fullname, [self.folder])
-        if found is not None:
+        spec = PathFinder.find_spec(fullname, [self.folder])
+        if spec is not None:
             self._found.add(fullname)
-        return found
+        return spec
 
     def take(self, module: str) -> None:
         """Find imports of a module that was read from the folder."""

@@ -125,8 +125,8 @@ def _alike(path: Path) -> str:
     except OSError:
         return ""
     # Endings are alike in all names, and would make each of them similar.
-    found = most_similar(path.stem, sorted(beside))
-    return found and f"; did you mean {beside[found]!r}?"
+    alike = most_similar(path.stem, sorted(beside))
+    return alike and f"; did you mean {beside[alike]!r}?"
 
 
 def read_bytes(path: Path) -> bytes:
@@ -431,8 +431,8 @@ class FileSystemPath(NamedTuple):
 
         chosen = fs.FileSelector(f"{self.root}/{folder}", allow_not_found=True, recursive=True)
         with _reached("this can't be read", self.place):
-            found = self.system.get_file_info(chosen)
-        names = [one.path for one in found if one.type == fs.FileType.File]
+            infos = self.system.get_file_info(chosen)
+        names = [one.path for one in infos if one.type == fs.FileType.File]
         return sorted(name.removeprefix(self.root).lstrip("/") for name in names)
 
     def remove(self, name: str) -> None:
@@ -488,18 +488,18 @@ def similar_file(named: Path, *folders: Path) -> str:
 def in_any_case(path: Path) -> Path | None:
     """Return the only file or folder that matches a path without regard to case, as on Windows;
     else None."""
-    found = Path(path.anchor)
+    spelt = Path(path.anchor)
     for part in path.parts[bool(path.anchor) :]:
-        if not os.path.exists(found / part):  # unlike that of Path it takes names of any length
+        if not os.path.exists(spelt / part):  # unlike that of Path it takes names of any length
             try:
-                alike = [name for name in os.listdir(found) if name.lower() == part.lower()]
+                alike = [name for name in os.listdir(spelt) if name.lower() == part.lower()]
             except (OSError, ValueError):
                 return None
             if len(alike) != 1:
                 return None
             part = alike[0]
-        found /= part
-    return found if current().allows(found) else None
+        spelt /= part
+    return spelt if current().allows(spelt) else None
 
 
 def above(path: Path, file: Path) -> Iterator[Path]:
@@ -565,15 +565,15 @@ def parse_object(
         InvalidFile: it is not JSON, or holds something else.
     """
     try:
-        found = json.loads(content)
+        parsed = json.loads(content)
         reason = "a JSON object is expected"
     except json.JSONDecodeError as error:
-        found, line, reason = None, line or error.lineno, f"not readable as JSON: {error.msg}"
+        parsed, line, reason = None, line or error.lineno, f"not readable as JSON: {error.msg}"
     except (ValueError, RecursionError) as error:
-        found, reason = None, f"not readable as JSON: {error}"
-    if not isinstance(found, dict):
+        parsed, reason = None, f"not readable as JSON: {error}"
+    if not isinstance(parsed, dict):
         raise InvalidFile("; ".join(filter(None, (reason, remedy))), path=path, line=line)
-    return found
+    return parsed
 
 
 def write_object(values: Mapping[str, Any], path: Path) -> None:

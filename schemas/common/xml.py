@@ -72,10 +72,10 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
     try:
         return parse_bytes(data, path)
     except InvalidFile:
-        fixed, found = repaired(data, path)
-        if remarks is None or not found:
+        fixed, repairs = repaired(data, path)
+        if remarks is None or not repairs:
             raise
-        remarks += found
+        remarks += repairs
     return parse_bytes(fixed, path)
 
 
@@ -129,9 +129,9 @@ def _check_size(data: bytes, path: Path) -> None:
     # A stretch of LONGEST_TAG bytes without a `<` covers one whole step of half that length.
     half, begin = LONGEST_TAG // 2, 0
     while begin + half < len(data):
-        found = data.rfind(b"<", begin, begin + half)
-        if found >= 0:
-            begin = found + half
+        opening = data.rfind(b"<", begin, begin + half)
+        if opening >= 0:
+            begin = opening + half
             continue
         start, end = data.rfind(b"<", 0, begin), data.find(b"<", begin)
         begin = len(data) if end < 0 else end
@@ -252,8 +252,8 @@ def _with_prefixes(data: bytes, note: Callable[[int, str], None]) -> bytes:
         return data
     used: dict[bytes, int] = {}
     for tag in _TAG.finditer(data):
-        for found in _PREFIX.finditer(tag[0]):
-            used.setdefault(found[1], tag.start())
+        for match in _PREFIX.finditer(tag[0]):
+            used.setdefault(match[1], tag.start())
     declared = {b"xml", b"xmlns", *_PREFIX_DECLARED.findall(data)}
     root = _ROOT.search(data)
     for prefix, position in used.items():

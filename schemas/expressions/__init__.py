@@ -212,6 +212,7 @@ def _tokens(body: str) -> list[tuple[str, str]]:
         raise ExpressionError(
             f"an expression of {len(body)} characters is longer than the {MAX_LENGTH} allowed"
         )
+    # Blanks at the end are no token, and none has to match them.
     tokens, position, end = [], 0, len(body.rstrip())
     while position < end:
         match = _TOKEN.match(body, position)
@@ -324,6 +325,7 @@ class _ExpressionParser:
             node = self.expression()
             self.expect(")")
             return node
+        # Before the token is taken: the error names the place where the value is missing.
         if kind in ("end", "symbol") or text in ("and", "or"):
             raise ExpressionError(f"a value is expected {self._here()}")
         self.position += 1
@@ -358,6 +360,7 @@ class _ExpressionParser:
         def node(lookup: Lookup) -> Value:
             values = [_number(argument(lookup), name, argument) for argument in arguments]
             if any(hasattr(value, "dtype") for value in values):
+                # The caller then works out each set by itself.
                 if in_columns is None:
                     raise TypeError(f"{name} is worked out for one number at a time")
                 return finite(in_columns(*values), name)
@@ -394,6 +397,7 @@ def _shown(value: Value, node: Node) -> str:
 
 
 def _number(value: Value, operator: str, node: Node) -> Number:
+    # First bool, which Python counts as a number: `true + 1` is an error.
     if isinstance(value, bool) or not isinstance(value, int | float):
         if hasattr(value, "dtype"):  # numbers of many parameter sets
             return value  # type: ignore[return-value]
@@ -449,10 +453,10 @@ def evaluate_columns(text: str, lookup: Callable[[str], Any]) -> Any:
 
     try:
         with np.errstate(all="ignore"):
-            found = parse(_strip(text)).node(lookup)
+            values = parse(_strip(text)).node(lookup)
     except (TypeError, ValueError, ArithmeticError, KeyError, ToolchainError):
         return None
-    return found if isinstance(found, np.ndarray) else None
+    return values if isinstance(values, np.ndarray) else None
 
 
 def references(text: str) -> set[str]:

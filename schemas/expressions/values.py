@@ -100,6 +100,7 @@ def meant(kind: str, text: str) -> str:
             fixed = str(int(number(text)))
         if kind == "dateTime" and _DATE.fullmatch(text.strip()):
             fixed = f"{text.strip()}T00:00:00"
+        # Once more by the strict rule: a spelling that is put right may be out of the type's range.
         typed(kind, fixed)
         return fixed
     return text
@@ -130,6 +131,7 @@ def number(text: str) -> float:
             hint = "; several values are for a variation file: xosc new variation"
         raise ValueError(f"{quoted(text)} is not a number{hint}")
     value = float(text)
+    # `1e999`: Python reads it as infinity, XML Schema as no value.
     if math.isinf(value):
         raise ValueError(f"{quoted(text)} is too large for a double")
     return value
@@ -170,6 +172,7 @@ def holds(rule: str, left: Value, right: Value) -> bool:
     """
     if rule not in RULES:
         raise ValueError(f"{quoted(rule)} is not a rule, {', '.join(RULES)} are")
+    # Equality needs no order: texts and booleans have that too.
     if rule not in _EQUALITY:
         left, right = (_ordered(rule, value) for value in (left, right))
     return RULES[rule](left, right)

@@ -362,12 +362,12 @@ def _unpacked(chunk: Any, path: Path) -> list[Any]:
         chunk.uncompressed_size,
     )
     try:
-        found: list[Any] = reader.breakup_chunk(plain, validate_crc=True)
+        parts: list[Any] = reader.breakup_chunk(plain, validate_crc=True)
     except (errors.McapError, struct.error, ValueError) as error:
         raise InvalidFile(
             f"a chunk is damaged: {error or type(error).__name__}", path=path
         ) from None
-    return found
+    return parts
 
 
 def _decompressed(chunk: Any, path: Path) -> bytes:

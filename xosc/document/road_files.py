@@ -65,9 +65,9 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     # Functions of os.path take names of any length, those of Path raise OSError.
     if os.path.exists(named) and not os.path.isdir(named):
         return RoadFile(named, None)
-    found = asked_for(named.name, folders)
-    if found is not None:
-        return RoadFile(found, None)
+    file = asked_for(named.name, folders)
+    if file is not None:
+        return RoadFile(file, None)
     scenario = Path(os.path.abspath(logic.path)).parent
     alike = in_any_case(named)
     places = (

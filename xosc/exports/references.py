@@ -50,13 +50,13 @@ def take_roads(document: Document, draft: Draft) -> Path | None:
     logic, scene = logic_file(document.node), document.node.find("RoadNetwork", "SceneGraphFile")
     if logic is not None:
         _literal(logic, "filepath")
-    found = draft.settings.roads(document.node)
-    if found is not None:
-        draft.note(*filter(None, [found.remark]))
-        _take(logic or _new_logic_file(document.node), found.path, ROADS, draft)
+    roads = draft.settings.roads(document.node)
+    if roads is not None:
+        draft.note(*filter(None, [roads.remark]))
+        _take(logic or _new_logic_file(document.node), roads.path, ROADS, draft)
     if scene is not None and scene.get("filepath").strip():
         _take_model(scene, draft)
-    return found.path if found is not None else None
+    return roads.path if roads is not None else None
 
 
 def _take_model(node: Node, draft: Draft) -> None:
@@ -243,10 +243,10 @@ def is_model(content: bytes) -> bool:
     # OBJ has no signature: every line has to be one of its statements.
     vertices = 0
     for line in content.split(b"\n"):
-        found = _LINE_OF_OBJ.fullmatch(line.strip())
-        if found is None:
+        statement = _LINE_OF_OBJ.fullmatch(line.strip())
+        if statement is None:
             return False
-        vertices += found["vertex"] == b"v"
+        vertices += statement["vertex"] == b"v"
     return vertices > 0
 
 
@@ -264,9 +264,9 @@ def need_roads(content: bytes, path: Path) -> list[Remark]:
         if not remarks:
             raise
         tree = parse_bytes(fixed, path)
-    found = detect(tree)
-    if found.standard != OPENDRIVE:
-        raise InvalidFile(f"this is {found.standard}, an OpenDRIVE file is expected", path=path)
+    file = detect(tree)
+    if file.standard != OPENDRIVE:
+        raise InvalidFile(f"this is {file.standard}, an OpenDRIVE file is expected", path=path)
     if not any(local_name(child) == "road" for child in tree.getroot()):
         raise InvalidFile("this OpenDRIVE file has no road", path=path)
     return remarks

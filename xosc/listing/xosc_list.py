@@ -158,12 +158,12 @@ def xosc_list(
         codes.append(error.exit_code)
         say(f"xosc-list: {error}", to=sys.stderr)
 
-    found = listing(paths or [str(LIBRARY)], tell)
-    if not (found.scenarios or found.catalogues) and len(codes) > 1:
+    listed = listing(paths or [str(LIBRARY)], tell)
+    if not (listed.scenarios or listed.catalogues) and len(codes) > 1:
         raise typer.Exit(gravest(codes))
-    chosen = Listing(found.scenarios, found.catalogues)
+    chosen = Listing(listed.scenarios, listed.catalogues)
     if label or tag:
-        chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
+        chosen = Listing(listed.chosen(label, map(_tag, tag or [])), [])
     if folder is not None:
         from xosc.listing.tables import copy_scenarios
 
@@ -208,11 +208,11 @@ def _has_rows(paths: list[str] | None, folder: Folder | None) -> bool:
     """Whether paths are of tables without scenarios, or of an index to copy from."""
     from xosc.listing.tables import INDEX, table_of
 
-    found = [table_of(path) for path in paths or ()]
-    if not all(found):
+    tables = [table_of(path) for path in paths or ()]
+    if not all(tables):
         return False
-    return bool(found) and (
-        folder is not None or all(path and path.name != INDEX for path in found)
+    return bool(tables) and (
+        folder is not None or all(path and path.name != INDEX for path in tables)
     )
 
 

@@ -121,6 +121,7 @@ class ParameterScope:
         remarks: Remarks | None = None,
     ) -> None:
         self._remarks = remarks or Remarks()
+        # A copy: the scope around may not see what is declared inside.
         self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
         self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
@@ -144,6 +145,7 @@ class ParameterScope:
             or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
             for name, node in self.declarations.items()
         }
+        # Each after those that its value refers to, whatever their order in the file.
         for name in _in_order(sources):
             self._visible[name] = self._evaluate(name, sources[name])
             if self._visible[name].column is not None:
@@ -178,15 +180,17 @@ class ParameterScope:
         except ExpressionError as error:
             if place is None:
                 raise
-            named, found = _referring(text, self._visible), _parts(text)
+            named, parts = _referring(text, self._visible), _parts(text)
+            # Other tools write names in expressions without `$`: of these only declared ones can be
+            # meant.
             if named != text:
                 self._remarks.add(
                     place.remark(OPERATORS, f"{error.message}; {quoted(named)} is meant")
                 )
                 return self.literal(named)
-            if not found:
+            if not parts:
                 raise
-            joined = "".join(map(self.literal, found))
+            joined = "".join(map(self.literal, parts))
             if len(joined) > LONGEST_TEXT:
                 raise ExpressionError(
                     f"a text of {len(joined)} characters is longer than the {LONGEST_TEXT} allowed"
@@ -204,6 +208,7 @@ class ParameterScope:
         columns = current()
         visible = self._visible
         together = self._together(text)
+        # Equal in all sets it is a plain literal, which needs no column.
         if together is not None and (together != together[0]).any():
             return columns.mark(together)
 
@@ -214,8 +219,8 @@ class ParameterScope:
 
             return evaluate(text, lookup)
 
-        found = columns.each(of)
-        return found if isinstance(found, str) else expression_literal(found)
+        value = columns.each(of)
+        return value if isinstance(value, str) else expression_literal(value)
 
     def _together(self, text: str) -> Any:
         """Values of an expression in all parameter sets, evaluated at once; None where that is not
@@ -291,6 +296,8 @@ class ParameterScope:
             self._repair(
                 source, TYPED, f"the value of the parameter {name}: {error}", "it is kept as text"
             )
+            # As a text it can still be handed on, as to a controller; where a number is needed the
+            # run names it.
             kind, spelled = "string", text
         if spelled != text and source.remark is not None:
             message = (
@@ -362,8 +369,8 @@ def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
     """
     text = node.get("value")
     if text.startswith(MARK):
-        found = _in_many_sets("", kind, text, None)
-        return found.value if found.column is None else found.column  # type: ignore[return-value]
+        declared = _in_many_sets("", kind, text, None)
+        return declared.value if declared.column is None else declared.column  # type: ignore[return-value]
     spelled = meant(kind, text)
     if spelled != text:
         remarks.add(
@@ -417,6 +424,7 @@ def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
             raise declaration.invalid(
                 f"the declared name {quoted(name)} must be written without '$'"
             )
+        # Files repeat declarations; two that say the same leave nothing open.
         first = by_name.get(name)
         if first and canonical(first.element) != canonical(declaration.element):
             raise declaration.invalid(
@@ -447,6 +455,7 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
         return list(sorter.static_order())
     except CycleError as error:
         circle = list(reversed(error.args[1]))
+        # At one parameter of the circle: each of the others depends on itself as well.
         raise sources[circle[0]].error(
             f"the parameter {circle[0]} depends on itself: {' → '.join(circle)}"
         ) from None

@@ -57,6 +57,7 @@ def convert(document: Document, to: Version) -> Document:
     etree.strip_attributes(tree, *OWN)
     # Valid before, so that what is invalid afterwards is the target version's lack.
     copied = checked(Document(document.path, tree.getroot(), document.version, document.kind))
+    # After the check: what is invalid is refused whatever the target is.
     if to == document.version:
         return copied
     top = Node(copied.root, document.path)
@@ -68,6 +69,7 @@ def convert(document: Document, to: Version) -> Document:
                 change(element)
             except UsageError as error:
                 raise _nearest(element, document).unsupported(error.message) from None
+    # Last: rules read elements by the names of the version that they come from.
     top.need("FileHeader").element.set("revMinor", str(to[1]))
     for problem in _violations(tree, to):
         node = _nearest(problem.element, document)
@@ -160,6 +162,7 @@ def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: st
 
     def down(element: etree._Element) -> None:
         value = element.get(attribute, "")
+        # A parameter may have the renamed value in one run, and another one in the next.
         if value.startswith("$"):
             raise UsageError(
                 f"{attribute}={value!r} may stand for {new!r}, which is {old!r} before "
@@ -187,6 +190,7 @@ def _attribute(old: str, new: str) -> Change:
 
     def change(element: etree._Element) -> None:
         value = element.get(old)
+        # A file that has both names already keeps the newer one.
         if value is not None and element.get(new) is None:
             element.set(new, value)
             del element.attrib[old]
@@ -305,6 +309,8 @@ def _unwrapped(wrapper: str, only: str = "") -> Change:
     def change(element: etree._Element) -> None:
         for outer in element.findall(wrapper):
             inner = list(outer.iterchildren(etree.Element))
+            # Of more than one child the older version has no place for the others: its XSD refuses
+            # them.
             if len(inner) == 1 and only in ("", inner[0].tag):
                 element.replace(outer, inner[0])
 

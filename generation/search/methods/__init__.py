@@ -35,15 +35,15 @@ def methods_of(package: str) -> dict[str, Method]:
     """The methods of a folder by name, sorted; none of its modules is imported."""
     # `described` reads the literal `METHODS` from the source: importing all methods would load
     # torch.
-    found = {
+    methods = {
         name: Method(f"{package}.{module}", **description)
         for module, methods in described(package, "METHODS").items()
         for name, description in methods.items()
     }
-    return dict(sorted(found.items()))
+    return dict(sorted(methods.items()))
 
 
 def offered() -> dict[str, Method]:
     """The methods of `xosc-generate`, the default first."""
-    found = methods_of("generation.search.methods")
-    return {DEFAULT: found.pop(DEFAULT), **found}
+    methods = methods_of("generation.search.methods")
+    return {DEFAULT: methods.pop(DEFAULT), **methods}

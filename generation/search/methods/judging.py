@@ -85,10 +85,10 @@ class Judging:
             left = np.flatnonzero(self._open(unit))
             some = diverse(unit[left], _APART) if number < _ROUNDS - 1 else np.arange(len(left))
             self._judge(theta, unit, left[some], most)
-        found = self._nearest(unit)
+        prevented = self._nearest(unit)
         self._failures += len(theta)
-        self._unprevented += int((~found).sum())
-        return found
+        self._unprevented += int((~prevented).sum())
+        return prevented
 
     def _open(self, unit: FloatArray) -> BoolArray:
         """Points (n, k) that judged ones around them do not settle (n,)."""

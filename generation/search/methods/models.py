@@ -154,8 +154,8 @@ class Forest:
         least, share = _ROUND
         if self._forest is None or len(self) >= self._grown + max(least, share * self._grown):
             self._grow()
-        found: FloatArray = self._forest.predict(differences(x))
-        return found
+        predicted: FloatArray = self._forest.predict(differences(x))
+        return predicted
 
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)

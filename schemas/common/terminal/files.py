@@ -148,13 +148,13 @@ def _expand(argument: str) -> list[Path]:
     matches = (
         [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
     )
-    found = [file for match in matches for file in files_in(match)]
+    files = [file for match in matches for file in files_in(match)]
     # As a name does, a pattern without a folder stands for shipped scenarios where no file has it.
-    if not found and is_glob and path.name == argument:
-        found = [_relative(LIBRARY / f"{name}.xosc") for name in filter_names(shipped(), argument)]
-    if not found:
+    if not files and is_glob and path.name == argument:
+        files = [_relative(LIBRARY / f"{name}.xosc") for name in filter_names(shipped(), argument)]
+    if not files:
         raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
-    return found
+    return files
 
 
 def files_in(path: Path) -> list[Path]:
@@ -167,8 +167,8 @@ def files_in(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path] if path.suffix.lower() in SUFFIXES else []
     unread: list[Path] = []
-    found = [file for file in _visible(path, unread) if file.suffix.lower() in SUFFIXES]
-    return sorted([*(file for file in found if not file.is_dir()), *unread])
+    visible = [file for file in _visible(path, unread) if file.suffix.lower() in SUFFIXES]
+    return sorted([*(file for file in visible if not file.is_dir()), *unread])
 
 
 def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:

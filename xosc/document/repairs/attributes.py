@@ -127,13 +127,13 @@ def names(
     read: Callable[[tuple[int, int]], Mapping[str, Iterable[str]]],
 ) -> dict[str, frozenset[str]]:
     """The names that `attributes` or `children` have in any version, by element name."""
-    found: dict[str, frozenset[str]] = {}
+    by_tag: dict[str, frozenset[str]] = {}
     for version in sorted(
         schema.version[:2] for schema in available_schemas() if schema.standard == OPENSCENARIO
     ):
         for tag, declared in read(version).items():
-            found[tag] = found.get(tag, frozenset()).union(declared)
-    return found
+            by_tag[tag] = by_tag.get(tag, frozenset()).union(declared)
+    return by_tag
 
 
 @cache
@@ -194,13 +194,15 @@ def _content(
     groups = {group.get("name"): group for group in tree.iter("{*}group") if group.get("name")}
 
     def declared(body: etree._Element) -> dict[str, Child]:
-        found = [
+        models = [
             groups.get(part.get("ref"), part)
             for part in body
             if etree.QName(part).localname in models
         ]
         return {
-            name: child for model in found for name, child in _children(model, groups, 0)[0].items()
+            name: child
+            for model in models
+            for name, child in _children(model, groups, 0)[0].items()
         }
 
     return declared
@@ -217,13 +219,13 @@ def _by_element(
     """Read a property of each element's type, by element name. Elements with several types are left
     out."""
     types = {kind.get("name"): kind for kind in tree.iter("{*}complexType") if kind.get("name")}
-    found: dict[str, dict[str, T]] = {}
+    by_name: dict[str, dict[str, T]] = {}
     ambiguous: set[str] = set()
     for element in tree.iter("{*}element"):
         declared = read(types.get(element.get("type"), element))
-        if found.setdefault(element.get("name") or "", declared) != declared:
+        if by_name.setdefault(element.get("name") or "", declared) != declared:
             ambiguous.add(element.get("name") or "")
-    return {name: declared for name, declared in found.items() if name not in ambiguous}
+    return {name: declared for name, declared in by_name.items() if name not in ambiguous}
 
 
 def _attributes(

@@ -169,8 +169,8 @@ def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Rema
 
 def _of_type(name: str, absent: dict[str, Child]) -> str:
     """The only element of the type of that name; "" where there is none, or more than one."""
-    found = [tag for tag, child in absent.items() if child.type == name]
-    return found[0] if len(found) == 1 else ""
+    tags = [tag for tag, child in absent.items() if child.type == name]
+    return tags[0] if len(tags) == 1 else ""
 
 
 def order_elements(root: Node, version: tuple[int, int]) -> Iterator[Remark]:

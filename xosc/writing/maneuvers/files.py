@@ -208,10 +208,10 @@ class Form:
 
     def __init__(self, document: Document, tags: Sequence[str]) -> None:
         text = to_bytes(document).decode()
-        found = {tag: re.search(rf"<{tag} .*?</{tag}>\n", text, re.DOTALL) for tag in tags}
+        matches = {tag: re.search(rf"<{tag} .*?</{tag}>\n", text, re.DOTALL) for tag in tags}
         self._texts = {
             tag: Template(re.sub(r">\n *<", "><", match[0]))
-            for tag, match in found.items()
+            for tag, match in matches.items()
             if match is not None
         }
 
