@@ -127,7 +127,9 @@ def test_the_least_share_is_that_of_the_worst_pair(drawn: FloatArray) -> None:
 
 
 def test_what_is_open_is_said(drawn: FloatArray) -> None:
-    searched = found(drawn, drawn[:, GAP] < np.median(drawn[:, GAP]))
+    # So few that no model of them is made: other tests have it, and here it would take most time.
+    few = drawn[:30]
+    searched = found(few, few[:, GAP] < np.median(few[:, GAP]))
     said = Assurance.of(CUT_IN, searched, settings("cas"))
     text = "; ".join(said.cannot)
     assert "how likely a failure is in traffic: the density is stated, in whole or in part" in text

@@ -70,7 +70,7 @@ def test_samples_have_the_moments_of_what_was_fitted_and_depend_on_the_seed_alon
     assert np.array_equal(again.log_density(drawn[:50]), fitted.log_density(drawn[:50]))
 
 
-@pytest.mark.parametrize("name", EVERY)
+@LEARNT
 def test_units_move_log_densities_by_the_jacobian(name: str) -> None:
     rows, fresh, factor = normal(300), normal(50, seed=3), np.array([3.6, 0.5, 1000.0])
     one = EVERY[name]().fit(rows, recordings(300)).log_density(fresh)
@@ -78,7 +78,8 @@ def test_units_move_log_densities_by_the_jacobian(name: str) -> None:
     assert np.allclose(one, other + np.log(factor).sum(), atol=1e-6)
 
 
-def test_densities_integrate_to_one() -> None:
+@LEARNT
+def test_densities_integrate_to_one(name: str) -> None:
     rows = normal(200)[:, :2]
     axes = [
         np.linspace(mean - 9 * deviation, mean + 9 * deviation, 241)
@@ -86,10 +87,8 @@ def test_densities_integrate_to_one() -> None:
     ]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     cell = np.prod([axis[1] - axis[0] for axis in axes])
-    for make in EVERY.values():
-        assert np.exp(make().fit(rows).log_density(grid)).sum() * cell == pytest.approx(
-            1.0, abs=2e-3
-        )
+    density = np.exp(EVERY[name]().fit(rows).log_density(grid))
+    assert density.sum() * cell == pytest.approx(1.0, abs=2e-3)
 
 
 @given(st.integers(5, 60), st.integers(1, 3), st.floats(0.3, 2.0), st.integers(0, 1000))
