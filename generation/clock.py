@@ -114,6 +114,7 @@ class SearchClock:
     def parts(self, theta: FloatArray, until: float) -> Iterator[FloatArray]:
         """Yield parts of points (n, d), one at least, for as long as a share of the phase's time
         lasts."""
+        # The first part in any case: of a search without a single run nothing could be said.
         yield theta[:_PART]
         for start in range(_PART, len(theta), _PART):
             if self._spent >= until * self._until * self._limit:
@@ -145,6 +146,7 @@ class SearchClock:
         if not cut or math.isinf(self._limit):
             return most
         left = max(self._limit - self._spent, 0.0)
+        # At least one second spent: a search that was cut at once has no rate.
         return int(np.clip(left * runs / max(self._spent, 1.0) / (_DRIVERS + repeated), 1, most))
 
 
@@ -185,9 +187,11 @@ class TimedPlays:
     def _timed(self, theta: FloatArray, sut: str | None) -> Outcomes:
         begun = time.monotonic()
         outcomes = self._plays(theta, sut)
+        # Other drivers are judges, whose plays the number of the search does not count.
         if sut is None and len(theta):
             self.played += len(theta)
             taken = time.monotonic() - begun
+            # The least of equal numbers: other work on the machine only makes a play slower.
             self._times[len(theta)] = min(taken, self._times.get(len(theta), math.inf))
         return outcomes
 
@@ -195,17 +199,17 @@ class TimedPlays:
         """Time that points take, where some were played before."""
         if not self._times:
             return 0.0
-        few, each = self._rates()
-        return self._times[few] + each * max(points - few, 0)
+        few, added = self._rates()
+        return self._times[few] + added * max(points - few, 0)
 
     def _rates(self) -> tuple[int, float]:
         """Points of the smallest play, and seconds that each further point takes."""
         few, many = min(self._times), max(self._times)
         # Of one play it is not known what its points add: as much as they can.
-        each = self._times[many] / many
+        added = self._times[many] / many
         if few < many:
-            each = max((self._times[many] - self._times[few]) / (many - few), each / _DRIVERS)
-        return few, each
+            added = max((self._times[many] - self._times[few]) / (many - few), added / _DRIVERS)
+        return few, added
 
     def within(self, share: float) -> float:
         """Points that can be played in a share of the time, and of the number, that is left;
@@ -219,5 +223,5 @@ class TimedPlays:
             return left
         if not self._times:
             return 0.0
-        few, each = self._rates()
-        return max(min((seconds - self._times[few]) / each + few, left), 0.0)
+        few, added = self._rates()
+        return max(min((seconds - self._times[few]) / added + few, left), 0.0)

@@ -40,6 +40,7 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Begin with a real scenario, drawn, or the one that is given."""
         super().reset(seed=seed)
         real = self._problem.real
+        # By the environment's own generator, so that `seed` decides it.
         start = (options or {}).get("theta", real[self.np_random.integers(len(real))])
         theta = self._problem.space.clip(np.asarray(start, dtype=np.float64))[None]
         self._edits = Edits(self._problem.space, theta, self._moves)

@@ -316,6 +316,8 @@ class LoopSettings:
 
     def search(self, number: int) -> SearchSettings:
         """The settings of the searches of a round, whose number counts from 1."""
+        # Rounds of one loop draw other points, and those of neighbouring seeds do not repeat each
+        # other's.
         seed = self.seed + 1000 * (number - 1)
         return SearchSettings(
             run=self.run, method=self.method, budget=self.budget, seed=seed,

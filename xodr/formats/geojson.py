@@ -39,6 +39,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     def placed(line: FloatArray) -> list[list[float]]:
         if projector is None:
             return np.round(line, _METRES).tolist()
+        # Longitude first, as RFC 7946 has it.
         longitude, latitude, height = projector.to_geodetic(line)
         return np.column_stack(
             [np.round(longitude, _DEGREES), np.round(latitude, _DEGREES), np.round(height, _METRES)]

@@ -81,6 +81,7 @@ class Judging:
             most: runs that judges may drive.
         """
         unit, most = self._space.unit(theta)[:, self._told], most + self.runs
+        # In rounds: verdicts of the first failures settle many of the others without a run.
         for number in range(_ROUNDS):
             left = np.flatnonzero(self._open(unit))
             some = diverse(unit[left], _APART) if number < _ROUNDS - 1 else np.arange(len(left))
@@ -96,10 +97,12 @@ class Judging:
         near = far < ALIKE
         prevented = (near & self._verdicts).sum(axis=1)
         agreed = (prevented == 0) | (prevented == near.sum(axis=1))
+        # A failure that was judged itself is settled, whatever is around it.
         return ~((near.sum(axis=1) >= _SEVERAL) & agreed | (far <= 0.0).any(axis=1))
 
     def _judge(self, theta: FloatArray, unit: FloatArray, rows: IntArray, most: int) -> None:
         """Ask judges about rows of points, as long as they may drive."""
+        # Each row costs a run of every judge.
         rows = rows[: max(most - self.runs, 0) // len(self._judges)]
         verdicts = survivors(theta[rows], self._asked, self._judges)
         self._unit = np.concatenate([self._unit, unit[rows]])
@@ -113,6 +116,7 @@ class Judging:
         """Verdicts (n,) of the judged points that are nearest to points (n, k); prevented where
         nothing is judged."""
         if not len(self._unit):
+            # Without a verdict a failure stays one: it may not be set aside unjudged.
             return np.ones(len(unit), bool)
         return self._verdicts[cdist(unit, self._unit).argmin(axis=1)]
 
@@ -121,6 +125,8 @@ def aside(outcomes: Outcomes, rows: BoolArray) -> Outcomes:
     """Outcomes in which the failures of some rows (n,) are no failures, and no near misses."""
     return replace(
         outcomes,
+        # All that a search is led by: a near miss beside it would lead back to what no driver
+        # prevents.
         collision=outcomes.collision & ~rows,
         clearance=np.where(rows, np.inf, outcomes.clearance),
         max_drac=np.where(rows, 0.0, outcomes.max_drac),

@@ -101,6 +101,8 @@ def _at_junctions() -> dict[str, Encounter]:
     """
     encounters: dict[str, Encounter] = {}
     for name, (file, where) in _JUNCTIONS.items():
+        # A T junction has no way from the south straight on: there the other one comes from that
+        # arm.
         is_crossroad = name == "four_way_intersection"
         from_side = _course(SOUTH, NORTH), _course(WEST, EAST), STRAIGHT_ON, 2.5
         straight = (
@@ -249,6 +251,8 @@ class EncounterScenario:
         """Numbers, choices, and what follows from them: when the ego begins to slow down, and is
         where the ways meet."""
         walks, other = self.encounter.walks, self.encounter.other
+        # Words are no sides of the box: a search keeps their defaults, unless they are varied by a
+        # file.
         choices = {f"{other}_Model": _PEDESTRIANS if walks else _VEHICLES}
         choices |= {_ENVIRONMENT: roads.ENVIRONMENTS} if walks else {}
         numbers = [
@@ -292,6 +296,7 @@ class EncounterScenario:
 
     def _init_other(self) -> list[Any]:
         way, name = self.encounter.way, self.encounter.other
+        # Backwards from the arrival: so both meet by the gap, whatever their speeds are.
         speed = f"${name}_Speed_mps"
         length = f"{speed} * (${_ARRIVAL} + ${name}_ArrivalGap_s)"
         if isinstance(way, Course):
@@ -299,6 +304,7 @@ class EncounterScenario:
         heading = (
             self.network.pose(self.network.lane_point(*way.lane, way.s)).h + 0.5 * math.pi
         )  # to the left of the lane
+        # In the world: a crossing has no lane of its own that a position could name.
         x, y = (
             f"${{{place} - ({round(step, 6)}) * {length}}}"
             for place, step in (

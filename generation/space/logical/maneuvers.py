@@ -187,6 +187,7 @@ class ManeuverScenario:
         """Values of the actor's parameters, by the names of their declarations."""
         place, braking = self.geometry, self.maneuver.braking
         start = self._kept if self.maneuver.actor != EGO else self._ego_speed
+        # A little slower than before: a default without any change would show nothing of it.
         end = braking[0] if braking else round(0.95 * start, 1)
         jerk = [] if self.maneuver.jerk is None else [self.maneuver.jerk]
         values = (place.gap, start, 3.0, end, 4.0, end, 5.0, *jerk)
@@ -235,6 +236,7 @@ class ManeuverScenario:
             for name, value in self.defaults().items()
         ]
         if actor != EGO:
+            # The speed of the vehicle that does not act: the actor has its own three.
             declared.append((f"{EGO}_Speed_mps", self._ego_speed, place.speeds))
         else:
             declared.append((f"{self.maneuver.leader}_Speed_mps", self._kept, place.speeds))
@@ -243,6 +245,7 @@ class ManeuverScenario:
                 (
                     f"{self.maneuver.ahead}_Speed_mps",
                     round(0.6 * self._ego_speed, 1),
+                    # It may stand: that is what the leader evades.
                     (0.0, place.speeds[1]),
                 )
             )
@@ -282,6 +285,7 @@ class ManeuverScenario:
     @property
     def _delay(self) -> str:
         """Time until the manoeuvre begins."""
+        # Side by side no gap has to be kept before, so that the start alone decides.
         if self.maneuver.ego_lane != self.maneuver.leader_lane:
             return self._role("start_time")
         return storyboard.approach(self._role("start_time"), self._role("gap"), self._opening)
@@ -305,6 +309,8 @@ class ManeuverScenario:
         own, leaders = (lanes[lane] for lane in (self.maneuver.ego_lane, self.maneuver.leader_lane))
         if name == EGO:
             behind = f"{self._role('gap')} + {_BOXES} + {self._speed(EGO)} * ({self._delay})"
+            # Before a junction the manoeuvre ends at the spot: as far from it as its own way is
+            # long.
             end = f" + {self._way}" if place.ends_there else ""
             return maneuvers.lane_position(
                 place.road, own, f"${{{place.spot}{end} {'-' if side > 0 else '+'} ({behind})}}"
@@ -352,6 +358,7 @@ class ManeuverScenario:
         """The leader's route, where it turns off."""
         if not self.maneuver.turns:
             return []
+        # When the library is written, not in a run: a manoeuvre on a geometry that has no such way.
         if self.geometry.turn is None:
             raise UsageError(f"a vehicle can't turn off {self.geometry.description}")
         return [roads.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
@@ -366,6 +373,7 @@ class ManeuverScenario:
         if self.maneuver.jerk is not None:
             change = f"abs({self._role('end_speed')} - {self._role('start_speed')})"
             early = f"{change} / (2 * {self._role('duration')} * {self._role(JERK)})"
+            # The gap as well: closing vehicles are nearer when the change is to begin earlier.
             delay, gap = (
                 f"max({delay} - {early}, 0)",
                 f"{gap} + max(0 - {self._opening}, 0) * {early}",

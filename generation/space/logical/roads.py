@@ -179,6 +179,7 @@ def meeting(network: RoadNetwork, ego: Course, other: Course | Crossing) -> Meet
     # The nearest point of the first approach: ways may come close again later.
     row = int(near[0] + apart[near[0] : near[0] + round(2 * _SAME / _STEP)].min(axis=1).argmin())
     x, y = mine[row].tolist()
+    # A pedestrian's way is one point here: where it crosses the middle of the lane.
     along = 0.0 if isinstance(other, Crossing) else _STEP * float(apart[row].argmin())
     return Meeting(round(x, 3), round(y, 3), round(_STEP * row, 1), round(along, 1))
 
@@ -377,6 +378,7 @@ def _environment(name: str) -> Any:
     """An environment: time of day, weather, and how much less the tyres hold than on a dry road."""
     state, _, time = name.partition("_")
     is_day = time == "day"
+    # At night the sun is below the horizon, and too weak for any shadow.
     sun = sg.Sun(
         100_000.0 if is_day else 0.1,
         math.pi if is_day else 0.0,
@@ -425,4 +427,5 @@ def scenario_tags(
         Tag("Situation", situation),
     ]
     tags += [Tag("Class", title)] if title else []
+    # Each tag once: road and class may bring the same.
     return list(dict.fromkeys([*tags, Tag("Ego", "Ego")]))

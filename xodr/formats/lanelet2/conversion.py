@@ -71,6 +71,7 @@ def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
     runs: dict[str, list[list[int]]] = defaultdict(list)
     for lane, name in enumerate(names):
         for light in graph.lanelets[name].lights:
+            # OpenDRIVE's validity is a span of lanes: a light for lanes apart needs one for each.
             if runs[light] and runs[light][-1][-1] == lane - 1:
                 runs[light][-1].append(lane)
             else:
@@ -195,6 +196,7 @@ class _Builder:
     def _linked(self, number: int, lane: int, at_end: bool) -> int | None:
         """The lane that continues a lane, where its road is linked to another road."""
         joint, link = self.plan.joint(number, at_end), self._link(number, at_end)
+        # At a junction lanes are linked by its connections.
         if joint is None or link is None or link.element_type != "road":
             return None
         # Pairs lead onwards; at the start of a road its own lane is the second.
@@ -331,6 +333,7 @@ def _lines(road: Road, lane_id: int) -> _Lines:
 def _farthest(bound: Points, borders: list[Points]) -> float:
     from shapely import LineString, MultiLineString, distance, points
 
+    # Its own points as well: between even places a corner could lie far off unseen.
     total = lengths(bound)[-1]
     dense = np.concatenate([bound, points_at(bound, np.linspace(0.0, total, places(total, STEP)))])
     return float(
