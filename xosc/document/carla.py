@@ -76,8 +76,11 @@ def to_standard(scenario: Node) -> list[Remark]:
     if flagged:
         header = scenario.need("FileHeader")
         for tag, change in _CHANGES.items():
+            # Listed, as a change renames elements that the walk has not passed yet.
             for node in list(scenario.iter(tag)):
                 change(node)
+        # Without the flag: the document is in the standard's axes now, and would be mirrored once
+        # more.
         header.element.set("description", header.get("description").removeprefix(FLAG))
         text = (
             f"the description begins with {FLAG!r}: y points to the right and headings count "
@@ -93,6 +96,7 @@ def _negate(node: Node, *names: str) -> None:
     """Change the signs of attributes that are there and are not 0."""
     for name in names:
         value = node.float(name, 0.0)
+        # Not 0, of which `-0.0` would be written.
         if value and isfinite(value):
             node.element.set(name, repr(-value))
 
@@ -120,6 +124,7 @@ def _road(position: Node) -> None:
 
 
 def _lane(position: Node) -> None:
+    # An offset counts to the right there: on left lanes that is towards +t already.
     if position.int("laneId") < 0:
         _negate(position, "offset")
 

@@ -76,9 +76,11 @@ def polylines(
         shape, skip = trajectory.need("Shape").only(), 0.0
         if offsets and action.find("TimeReference", "Timing") is None:
             skip = action.float("initialDistanceOffset", 0.0)
+        # The shape can be said; only an offset needs its vertices.
         if shape.tag not in shapes and not skip:
             continue
         places, made = _places(action, trajectory, skip, geometry, during)
+        # It depends on the run: left as it is, and refused by the version's own schema.
         if places is None:
             continue
         if skip:
@@ -96,6 +98,7 @@ def _places(
 ) -> tuple[Sequence[Vertex] | None, Callable[[Vertex], etree._Element]]:
     """Places of a trajectory, None if unknown, and the maker of an element for each."""
     fixed, doing = geometry.track(trajectory, skip), actors(action)
+    # Of several actors one polyline beside each would need as many actions.
     if fixed is not None or len(doing) != 1:
         return fixed, world_position
     if during is None:
@@ -345,6 +348,7 @@ def _speed(action: Node, geometry: RoadGeometry) -> float | None:
 
 def _back(position: Node, distance: float, geometry: RoadGeometry) -> None:
     """Move a position a distance (m) back on its trajectory, its route or its lane."""
+    # Nothing held: the position stays as it is written, and of any kind.
     if not distance:
         return
     along, name, facing = position, "s", 1

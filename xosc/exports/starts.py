@@ -156,6 +156,7 @@ def target_speed(action: Node, state: State) -> float | None:
     if target.tag == "AbsoluteTargetSpeed":
         return target.float("value")
     other = state(action, target.get("entityRef"))
+    # A continuous target moves on with the other one.
     if other is None or other.speed is None or target.bool("continuous"):
         return None
     value = target.float("value")
@@ -173,11 +174,14 @@ def _after(action: Node, entity: str, now: InitialState, state: State) -> Initia
         return now._replace(speed=target_speed(action, state))
     if action.tag == "LaneChangeAction":
         target = action.need("LaneChangeTarget").only()
+        # Relative lanes count to the left as the entity faces: against +t on lanes of the left
+        # side.
         facing = 1 if now.lane < 0 else -1
         if target.tag == "AbsoluteTargetLane":
             return now._replace(lane=target.int("value"))
         if target.get("entityRef") == entity:
             return now._replace(lane=beside(now.lane, facing * target.int("value")))
+        # Beside another entity, whose lane then is not known from the file.
         return now._replace(road=None)
     return (
         InitialState()

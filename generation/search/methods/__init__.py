@@ -35,12 +35,12 @@ def methods_of(package: str) -> dict[str, Method]:
     """The methods of a folder by name, sorted; none of its modules is imported."""
     # `described` reads the literal `METHODS` from the source: importing all methods would load
     # torch.
-    methods = {
+    by_name = {
         name: Method(f"{package}.{module}", **description)
         for module, methods in described(package, "METHODS").items()
         for name, description in methods.items()
     }
-    return dict(sorted(methods.items()))
+    return dict(sorted(by_name.items()))
 
 
 def offered() -> dict[str, Method]:

@@ -25,6 +25,7 @@ def correct_declared_names(root: Node, version: tuple[int, int]) -> Iterator[Rem
     """Take away the `$` of declared names, which only references have."""
     for node in root.iter("ParameterDeclaration", "VariableDeclaration", "MonitorDeclaration"):
         name = node.get("name", "")
+        # With more of them it may be an expression, whose value nobody knows.
         if name.startswith("$") and "$" not in name[1:]:
             node.element.set("name", name[1:])
             yield node.remark(DECLARED_NAME_UID, f"the declared name {name!r} is taken without '$'")
@@ -56,6 +57,7 @@ def tell_repeated_names(root: Node, version: tuple[int, int]) -> Iterator[Remark
     elements = (
         element
         for element in root.element.iter(etree.Element)
+        # Of parameters the names are known only when they have values.
         if "$" not in element.get("name", "$")
     )
     for element, message in doubled((element, element.get("name", "")) for element in elements):
@@ -194,14 +196,14 @@ def _content(
     groups = {group.get("name"): group for group in tree.iter("{*}group") if group.get("name")}
 
     def declared(body: etree._Element) -> dict[str, Child]:
-        models = [
+        particles = [
             groups.get(part.get("ref"), part)
             for part in body
             if etree.QName(part).localname in models
         ]
         return {
             name: child
-            for model in models
+            for model in particles
             for name, child in _children(model, groups, 0)[0].items()
         }
 
@@ -295,6 +297,7 @@ def leave_out_absent_values(root: Node, version: tuple[int, int]) -> Iterator[Re
         node = root.at(element)
         for name, attribute in declared.get(node.tag, {}).items():
             text = node.element.get(name)
+            # A text may well be empty, or the word None.
             if text in NOTHING and not attribute.required and (attribute.kind or attribute.values):
                 del node.element.attrib[name]
                 yield node.remark(
@@ -319,6 +322,7 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
             continue
         for name in unknown:
             value = node.element.attrib.pop(name)
+            # An attribute that is there already can't be meant by another one.
             free = [
                 name
                 for name in declared.get(node.tag, sorted(known[node.tag]))
