@@ -142,26 +142,26 @@ def test_outcomes_are_those_of_any_number_of_processes(monkeypatch: pytest.Monke
     assert len(two) == 40
 
 
-@pytest.mark.parametrize(("source", "sizes"), [(OWN, [12]), (ASKED_RUN_BY_RUN, [5, 5, 2])])
+@pytest.mark.parametrize(("source", "sizes"), [(OWN, [5]), (ASKED_RUN_BY_RUN, [2, 2, 1])])
 def test_a_system_that_is_asked_run_by_run_has_work_for_several_processes(
     source: str, sizes: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "own.py").write_text(source, "utf-8")
     space = Space.of(CUT_IN)
-    theta = space.draw(12, np.random.default_rng(2))
+    theta = space.draw(5, np.random.default_rng(2))
     plays = ArrayPlays(CUT_IN, space, settings(f"{tmp_path / 'own.py'}:Own"), few=0)
     whole = plays(theta)
-    found: list[int] = []
+    blocks: list[int] = []
     played = module._played
 
     def seen(*given: Any) -> Outcomes:
-        found.append(len(given[-1]))
+        blocks.append(len(given[-1]))
         return played(*given)
 
-    monkeypatch.setattr(module, "RUN_BY_RUN_BLOCK", 5)
+    monkeypatch.setattr(module, "RUN_BY_RUN_BLOCK", 2)
     monkeypatch.setattr(module, "_played", seen)
     same(whole, plays(theta))
-    assert found == sizes
+    assert blocks == sizes
 
 
 def test_few_points_are_played_by_the_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:

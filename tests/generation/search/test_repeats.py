@@ -6,6 +6,7 @@ import random
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from generation.pipeline import generate
 from generation.report.report import headline
@@ -55,6 +56,7 @@ def test_repetitions_are_counted_by_failure_and_untested_runs_not_at_all() -> No
     assert found.take(np.array([1])).lost == 1 and Repeats.of(0, lambda seed: 1 / 0, 0, 3).lost == 0
 
 
+@pytest.mark.slow
 def test_a_system_with_chance_is_found_out(tmp_path: Path) -> None:
     (tmp_path / "coin.py").write_text(COIN)
     asked = asked_of(Ask(density="uniform"), SCENARIOS / "cut_in_highway.xosc")
