@@ -135,6 +135,7 @@ def find(
     store = FileSystemPath.of(out)
     paths = tuple(path.absolute() for path in paths)
     sources = opened(paths, settings)
+    # As they were given: from there `write` opens the recordings again, by the same names.
     roots = {
         source.name: data_set.path
         for data_set in listed(paths, settings.columns)
@@ -251,6 +252,7 @@ def _refuse_renamed(sources: Sequence[Source], known: dict[str, str]) -> None:
 
     Recordings of one name are led by their folders, so that new ones may rename others.
     """
+    # By the stamp: a name may change with what else lies in the folder, the file does not.
     names, stamps = {source.name for source in sources}, {stamp_of(one): one for one in sources}
     for name, before in known.items():
         if name not in names and (source := stamps.get(before)) is not None:

@@ -382,6 +382,7 @@ def _plausible(
 def _hard(rows: _RecordedRows, seconds: _Second, motor: BoolArray) -> float:
     """Share of a vehicle's seconds, of those that another second follows, in which its speed
     changes too hard."""
+    # NaN where a row begins no second: a change from or to there is not known.
     speed = np.full(len(rows.track), np.nan)
     speed[seconds.here] = seconds.way / seconds.time
     change = np.abs(speed[seconds.there] - speed[seconds.here]) / seconds.time
@@ -397,6 +398,7 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
     starts = np.array([float(track.columns["time"][0]) for track in vehicles])
     end = max(float(track.columns["time"][-1]) for track in vehicles)
     inside = there = pairs = most = 0
+    # Some moments: what is wrong with a whole table shows in most of them, and boxes are costly.
     for time in np.linspace(float(starts.min()), end, _MOMENTS).tolist():
         found, present = overlapping(vehicles, time)
         inside, there, pairs = (
@@ -413,6 +415,7 @@ def _overlaps(tracks: Sequence[Track]) -> Check | None:
     )
     if share <= _OVERLAPPING or most < _FEWEST:
         return Check("overlaps", None, share, reason)
+    # Vehicles of one place enter one after the other, however long it is recorded.
     together = float((np.abs(starts - starts.min()) < 1e-6).mean())
     own = (
         "each vehicle has a clock of its own, as all begin at once"
@@ -529,6 +532,7 @@ def _headings(rows: _RecordedRows, seconds: _Second, tracks: Sequence[Track]) ->
     way = np.arctan2(rows.y[there] - rows.y[here], rows.x[there] - rows.x[here])
     angle = np.abs(np.remainder(rows.h[here] - way + math.pi, math.tau) - math.pi)
     aside = float((angle > math.radians(45.0)).mean())
+    # The median tells of all headings: it is near 0 as long as most vehicles drive forwards.
     usual = float(np.median(angle))
     if usual > _SKEWED and aside <= 0.5:
         # Half of all motion is not along the box: no vehicle drifts for so long.

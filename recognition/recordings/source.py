@@ -330,6 +330,7 @@ def open(
     path = Path(path)
     if not path.exists():
         raise InvalidFile("no such file or folder", path=path)
+    # Roads that are made never go into the user's data.
     folder = Path(roads) if roads is not None else cache_roads()
     return DataSet(path, partial(_find, path, folder, columns))
 
@@ -469,6 +470,7 @@ def _fail(error: InvalidFile) -> NoReturn:
 
 def _told_apart(sources: list[Source], folder: Path) -> list[Source]:
     """The sources, with names that several have led by the place of their files in the folder."""
+    # By the place below the folder that was given: names stay when the whole folder is moved.
     counts = Counter(source.name for source in sources)
 
     def renamed(source: Source) -> Source:

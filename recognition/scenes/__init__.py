@@ -164,6 +164,7 @@ def share_astray(recording: Recording, network: RoadNetwork) -> float:
     ways = np.array([_way(network, point) for point in points if point is not None])
     astray = np.abs(np.remainder(sample.h[on] - ways + math.pi, math.tau) - math.pi) > _ASTRAY
     track = sample.track[on]
+    # The worst vehicle apart: one turn that the map lacks must not refuse a whole map.
     others = track != np.bincount(track, astray, minlength=1).argmax()
     return float(astray[others].mean()) if others.any() else 0.0
 
@@ -417,6 +418,7 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     if source.report is not None:
         source.report.remarks += (note for note in road.notes if note not in source.report.remarks)
     brought = recording.network if source.given is None else None
+    # A network that was read with the recording is not read twice: maps take seconds.
     network = brought or load(road.path)
     # Recorded phases do not say which roads they are for: all junctions have lights then.
     lights = frozenset(network.roads) if road.signalised else road.lights

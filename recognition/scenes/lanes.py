@@ -364,6 +364,7 @@ def on_driving_lanes(lanes: LaneGraph, network: RoadNetwork, places: Places, pos
         places: road coordinates (n,), changed in place.
         poses: x, y, z, h of the same vehicles, m and rad.
     """
+    # Beyond this angle no lane below is better: the place stays as it is.
     best = np.full(len(poses.x), _ALIGNED)
     for under in placing.lanes_under(network, poses.x, poses.y, poses.z):
         rows, strip = (
