@@ -107,6 +107,8 @@ costs as much as a run of it
 _GATED, _GATED_FIRST = 0.2, 250
 """Share of the time that is left which measuring a density takes, and replays, and draws, that are
 played at first"""
+DRAWS = "unguided draws"
+"""Phase of the first runs: all that was asked for can be searched"""
 _SEARCH = "search"
 """Phase of runs that a method chooses"""
 _TIMED = 30
@@ -424,7 +426,7 @@ class _Work:
         )
         self._drivers = _drivers(scenario, space, out, settings, evaluator)
         self._seeded = remembering(lambda theta, seed: evaluator(theta, seed=int(seed)))
-        clock.phase("unguided draws")
+        clock.phase(DRAWS)
         begun = time.monotonic()
         self.unseen = self._drawn()
         self._per_run = (time.monotonic() - begun) / max(evaluator.calls, 1)
@@ -492,7 +494,8 @@ class _Work:
             traffic, candidates, batch = _CHOOSING
             chosen = min(_PLAYED * settings.budget + traffic, PLAYED)
             chosen += candidates * math.ceil(sought / max(batch, settings.budget // 50))
-            least = self._screen.seconds(chosen)
+            # A system that is asked run by run has a number of its own.
+            least = self._screen.seconds(int(min(chosen, self._screen.within(1.0))))
             most = least + self._screen.seconds(MOST_LOOKED if settings.estimate else 0)
         runs = sought + estimated
         if not per_run:

@@ -23,6 +23,7 @@ from generation.search.settings import (
 )
 from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
 from schemas.common.terminal.command_line import (
+    ProgressBar,
     Quiet,
     Verbose,
     Version,
@@ -184,7 +185,10 @@ def _searches(
             say(f"{NAME}: {path}: nothing is searched: {reason}", to=sys.stderr)
     if not catalogue:
         if not any(left.values()):
-            raise UsageError("no scenario is in this folder or those in it", path=source)
+            raise UsageError(
+                "no scenario with parameters to search is in this folder or those in it",
+                path=source,
+            )
         raise typer.Exit(ExitCode.FINDING)
     free, ranges = freed(ask.free)
     if ranges:
@@ -270,14 +274,12 @@ def _found(
     settings, scenario, compared = search.settings, search.scenario, None
     try:
         before = Before.of(search.against, scenario) if search.against is not None else None
-        if not quiet:
-            say(_begun(search), to=sys.stderr)
         with progress_bar(scenario.stem, settings.budget, quiet) as progress:
             generated = generate(
                 scenario, partial(_likely, search), search.out, settings, progress,
                 interim=lambda made: render(scenario, made, settings, search.out),
                 drawing=lambda needed: progress.below("draws", needed),
-                clock=clock(progress.phase),
+                clock=clock(partial(_entered, search, progress, quiet)),
                 forecast=lambda least, most: None if quiet else _forecast(search, least, most),
             )  # fmt: skip
             progress.phase("report")
@@ -317,6 +319,15 @@ def _found(
         return ExitCode.INCONCLUSIVE
     done = bool(generated.files) if compared is None else not compared.counts.fails(*wanted)
     return ExitCode.PASSED if done else ExitCode.FINDING
+
+
+def _entered(search: Search, progress: ProgressBar, quiet: bool, phase: str) -> None:
+    """Show a phase; before the first runs, say what the search does."""
+    from generation.pipeline import DRAWS
+
+    progress.phase(phase)
+    if phase == DRAWS and not quiet:
+        say(_begun(search), to=sys.stderr)
 
 
 def _begun(search: Search) -> str:

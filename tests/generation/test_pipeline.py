@@ -186,7 +186,12 @@ def test_a_search_ends_where_all_its_draws_end_with_errors(tmp_path: Path) -> No
 def test_draws_in_arrays_that_measure_the_density_bound_what_was_not_found(tmp_path: Path) -> None:
     run = RunSettings(sut="cas", timestep=0.1, world="kinematic")
     settings = replace(QUICK, run=run, plays=8000)
-    made = generate(CUT_IN, TRAFFIC, tmp_path / "whole", settings)
+    told = list[tuple[float, float]]()
+    made = generate(
+        CUT_IN, TRAFFIC, tmp_path / "whole", settings, forecast=lambda *span: told.append(span)
+    )
+    ((least, most),) = told
+    assert 0.0 < least < most
     assert made.played is not None
     assert made.played.draws > 10 * made.statement.draws
     assert made.played.unknown < made.statement.unknown
