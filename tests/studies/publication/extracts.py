@@ -79,7 +79,10 @@ _SCENES: tuple[tuple[_Drive, ...], ...] = (
     *[(_Drive(0.0, 30.0, 0), _Drive(60.0, 28.0, 1, 0, at=at)) for at in (0.0, -4.0, 4.0)],
     *[(_Drive(0.0, 29.0, 0), _Drive(45.0, 29.0, 0, 1))] * 2,  # cut out
     # Slow traffic, as roads in towns need, early and late: cut in, and braking.
-    *[(_Drive(0.0, 10.0, 0), _Drive(14.0, 9.0, 1, 0, at=at)) for at in (-15.0, 13.0)],
+    *[
+        (_Drive(0.0, 10.0, 0), _Drive(10.0, 10.0, 1, 0, gain=0.2, late=at, at=at))
+        for at in (-15.0, -15.0, 13.0, 13.0)
+    ],
     *[
         (
             _Drive(0.0, 14.0, 0, gain=-2.4, late=late + 1.0),
