@@ -412,6 +412,11 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         )
     for name, reason in summary.unplayable.items():
         say(f"{NAME}: {name} is left out: {reason}", to=sys.stderr)
+    if summary.inconclusive and not quiet:
+        name, reason = next(iter(summary.inconclusive.items()))
+        several = many(len(summary.inconclusive), "replay has", "replays have")
+        first = f"{name} first: {reason}; index.json says why"
+        say(f"{NAME}: {several} no verdict as recorded, {first}", to=sys.stderr)
     for name in summary.edited:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for name, reason in summary.repaired.items() if not quiet else ():

@@ -64,7 +64,16 @@ _RECORDINGS, _FAILURES = "recordings", "failures.json"
 _BLOCK, _SHARE = 50, 4
 """Most recordings of a block: with one each, files of a store would be too small to be read fast;
 and blocks for each process, where there are few recordings"""
-_FILES = ("file", "maneuver", "no_maneuver", "openlabel", "road", "deviation", "most_deviation")
+_FILES = (
+    "file",
+    "maneuver",
+    "no_maneuver",
+    "inconclusive",
+    "openlabel",
+    "road",
+    "deviation",
+    "most_deviation",
+)
 """Columns of the index about files, which are not written yet"""
 _PARTITIONS = ("site", "day")
 _EPISODE = "episode"

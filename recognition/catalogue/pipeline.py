@@ -100,6 +100,7 @@ class Summary(NamedTuple):
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
     read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
     why. unplayable: scenarios that do not play, which are not part of the catalogue, and why.
+    inconclusive: scenarios without a verdict as they were recorded, and why.
     unlit: recordings of junctions with traffic lights whose passages the rules do not count.
     """
 
@@ -113,6 +114,7 @@ class Summary(NamedTuple):
     skipped: list[Path]
     repaired: dict[str, str]
     unplayable: dict[str, str]
+    inconclusive: dict[str, str]
     unlit: int
 
 
@@ -624,6 +626,7 @@ class _CatalogueBuild:
             skipped,
             self._repaired,
             catalogue.unplayable,
+            dict(sorted((row["file"], row["inconclusive"]) for row in rows if row["inconclusive"])),
             0 if self._settings.rules.signalised else catalogue.remarked(LIT),
         )
 

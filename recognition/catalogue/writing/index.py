@@ -33,6 +33,7 @@ COLUMNS: dict[str, type] = {
     "file": str,
     "maneuver": str,
     "no_maneuver": str,
+    "inconclusive": str,
     "openlabel": str,
     "road": str,
     "class": str,
@@ -83,7 +84,9 @@ COLUMNS: dict[str, type] = {
 """Columns of a row; absent values are None.
 
 Files relative to the index: the scenario that replays the recording, that with the manoeuvre (or
-why it has none), tags, road. The class, and whose labels sort; the model's confidence in the known
+why it has none), tags, road. inconclusive: why the replay has no verdict when it is played as
+recorded, such as a pedestrian that is lost before the ego reaches it.
+The class, and whose labels sort; the model's confidence in the known
 class nearest to what it saw; both labels, and whether they agree; trust: `agree`, `differ`, `rules
 alone`, `model alone` or `measures`. severity: of the critical moment, from 0 to 1, with its
 measures (critical) and other participants (others). why: conditions with values, lanes before and
@@ -259,6 +262,7 @@ class Catalogue:
         for outcome in played:
             row = rows[outcome.file]
             row |= {"deviation": outcome.deviation, "most_deviation": outcome.most_deviation}
+            row["inconclusive"] = outcome.inconclusive
             maneuver = row["maneuver"]
             if outcome.fault is not None:
                 del rows[outcome.file]

@@ -11,10 +11,11 @@ import numpy as np
 
 from recognition.scenes.cut import Excerpt
 from runner.judging.execution import run
-from runner.judging.result import RunResult
+from runner.judging.result import INCONCLUSIVE, RunResult
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError
+from schemas.common.terminal.text import many
 
 _STEP = 0.1
 """Time step (s) of the runs: replays are where they are at half of it, to a tenth of a
@@ -46,7 +47,8 @@ class Trial(NamedTuple):
 class Played(NamedTuple):
     """Outcome of a trial.
 
-    fault, maneuver_fault: why the scenario or its manoeuvre does not play, None where it does.
+    fault, maneuver_fault: why the scenario or its manoeuvre does not play, None where it does; a
+    manoeuvre also has to test something. inconclusive: why the replay has no verdict as recorded.
     deviation, most_deviation: median and maximum over the participants of the greatest distance
     (m) from the raw places of their tracks; None where nothing was played.
     """
@@ -54,6 +56,7 @@ class Played(NamedTuple):
     file: str
     fault: str | None
     maneuver_fault: str | None
+    inconclusive: str | None
     deviation: float | None
     most_deviation: float | None
 
@@ -70,7 +73,9 @@ def _play(root: Path, recording: Recording, trial: Trial) -> Played:
     # Without its replay the scenario is not listed: its manoeuvre need not be played.
     of_maneuver = None
     if trial.maneuver is not None and fault is None:
-        of_maneuver = _fault(_result(root / trial.maneuver, _LONGEST), _LONGEST)
+        varied = _result(root / trial.maneuver, _LONGEST)
+        # A manoeuvre that is written has to happen; recorded participants may be lost from sight.
+        of_maneuver = _fault(varied, _LONGEST) or _inconclusive(varied, root)
     away = (
         [
             _deviation(recording.tracks[track], trial.start, result.recording.tracks[name])
@@ -85,6 +90,7 @@ def _play(root: Path, recording: Recording, trial: Trial) -> Played:
         trial.file,
         fault,
         of_maneuver,
+        _inconclusive(result, root) if fault is None else None,
         round(float(np.median(known)), 3) if known else None,
         round(max(known), 3) if known else None,
     )
@@ -103,6 +109,16 @@ def _fault(result: RunResult | ToolchainError, longest: float) -> str | None:
     if result.status == "timeout":
         return f"it does not end within {longest:.1f} s"
     return None
+
+
+def _inconclusive(result: RunResult | ToolchainError, root: Path) -> str | None:
+    """Return the first cause for which a run has no verdict; None if it has one."""
+    if isinstance(result, ToolchainError) or result.verdict.outcome != INCONCLUSIVE:
+        return None
+    first, *more = (cause.text for cause in result.verdict.causes)
+    beside = f" (and {many(len(more), 'other cause')})" if more else ""
+    # The same catalogue has the same bytes wherever it lies.
+    return f"its run is inconclusive: {first.replace(f'{root}/', '')}{beside}"
 
 
 def _deviation(recorded: Track, start: float, played: Track) -> float | None:

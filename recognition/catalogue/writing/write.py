@@ -313,6 +313,7 @@ class CatalogWriter:
             "file": self._put(episode, ".xosc", self._replay(context, header)),
             "maneuver": None,
             "no_maneuver": None,
+            "inconclusive": None,
             "road": context.road,
             "deviation": None,
             "most_deviation": None,

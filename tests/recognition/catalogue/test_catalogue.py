@@ -447,6 +447,45 @@ def test_maneuvers_that_do_not_play_are_none_and_say_why(
     assert "maneuver.xosc" not in (tmp_path / "manifest.json").read_text()
 
 
+def test_maneuvers_that_never_begin_are_none_and_say_why(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The trigger waits for a time after the end of the run."""
+    written = storyboard.scenario
+
+    def late(stage: object, header: object, *more: object) -> Document:
+        document = written(stage, header, *more)
+        for declared in document.root.iter("ParameterDeclaration"):
+            if declared.get("name") == "Begin_s":
+                declared.set("value", "100")
+        return document
+
+    monkeypatch.setattr(storyboard, "scenario", late)
+    build(recordings, tmp_path)
+    told = [row for row in rows(tmp_path) if row["class"] == "highway cut in"]
+    assert told and {row["maneuver"] for row in told} == {None}
+    reasons = [row["no_maneuver"] for row in told]
+    assert all(reason.startswith("its run is inconclusive: ") for reason in reasons), reasons
+    assert not any(str(tmp_path) in reason for reason in reasons), "bytes depend on no folder"
+
+
+def test_replays_without_a_verdict_are_named_in_the_index(
+    command: Command, recordings: Path, made: Path, tmp_path: Path
+) -> None:
+    """The truck is no longer recorded after 8 s, shortly before the ego would reach it."""
+    named = {row["file"]: row["inconclusive"] for row in rows(made) if row["inconclusive"]}
+    assert named and all("truck_5 was removed at" in reason for reason in named.values())
+    for row in rows(made):
+        result = runner.run(made / row["file"], sut="none", world="kinematic", timestep=0.1)
+        assert (result.verdict.outcome == "inconclusive") == (row["file"] in named), row["file"]
+    done = command("xosc-recognize", recordings, "--labels", "rules", "--out", tmp_path)
+    assert done.code == 0
+    assert (
+        f"{len(named)} replays have no verdict as recorded, {next(iter(named))} first" in done.err
+    )
+    assert next(iter(named.values())) in done.err
+
+
 def test_scenarios_that_do_not_play_are_left_out_with_their_reason(
     recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
