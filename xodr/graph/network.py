@@ -82,6 +82,11 @@ class RoadNetwork:
         self._relations = RoadRelations(ways, self._traveller)
 
     @cached_property
+    def flat(self) -> bool:
+        """Whether all roads are level at height 0."""
+        return all(road.flat for road in self.roads.values())
+
+    @cached_property
     def lane_ids(self) -> frozenset[int]:
         """Ids that lanes have anywhere, without the centre lane's."""
         return frozenset(lane for section in self._sections() for lane in section.lanes if lane)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.engine.motion.paths import Path, approach, nearest, tangent
+from runner.engine.motion.paths import Path, Polyline, approach, nearest, tangent
 from runner.engine.motion.placement import Placement, in_world, pose_of, wrap
 from runner.engine.participants.entity import STRAIGHT_AHEAD
 
@@ -152,8 +152,7 @@ class PathMotion:
         """Whether the entity has gone back to its lane by itself."""
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
-        known = roads.network.roads.values() if roads.network is not None else ()
-        self._surface = grounded and not all(road.flat for road in known)
+        self._surface = grounded and roads.network is not None and not roads.network.flat
         self._target: tuple[Placement, float] | None = None
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
@@ -247,6 +246,9 @@ class PathMotion:
     def backwards(self) -> bool:
         """Whether the orientation that the path prescribes faces against its direction, so that one
         reverses along it."""
+        # Asked in every step: recorded trajectories face ahead everywhere.
+        if isinstance(self.path, Polyline) and self.path.faces_ahead:
+            return False
         return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < -_ACROSS
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:

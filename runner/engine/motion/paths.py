@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
@@ -21,6 +22,8 @@ _SAME_PLACE = 1e-9
 """Distance (m) within which two points of a path are one."""
 _SHORT = 1e-4
 """A length (m) over which every path is straight."""
+_AHEAD = 1.0
+"""Angle (rad) to the tangent up to which an orientation certainly faces along a path."""
 _REFINEMENTS = 8
 
 
@@ -118,6 +121,22 @@ class Polyline:
             pitch + turned * dp,
             roll + turned * dr,
         )
+
+    @cached_property
+    def faces_ahead(self) -> bool:
+        """Whether orientations are within `_AHEAD` of the tangent everywhere; False where pieces
+        are too short to tell."""
+        pieces = self._stretches
+        tangents = [math.atan2(piece.dy, piece.dx) for piece in pieces]
+        for number, piece in enumerate(pieces):
+            # About a corner `tangent` lies between those of both sides.
+            if piece.length < 2.0 * _SHORT:
+                return False
+            for h in (piece.pose.h, piece.pose.h + piece.length * piece.dh):
+                for along in tangents[max(number - 1, 0) : number + 2]:
+                    if abs(math.remainder(h - along, math.tau)) > _AHEAD:
+                        return False
+        return True
 
     def knots(self) -> list[float]:
         """The corners."""

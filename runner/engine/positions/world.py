@@ -109,7 +109,17 @@ class WorldPosition(FixedPosition):
             node.finite("y"),
             *(node.finite(name, 0.0) for name in ("z", "h", "p", "r")),
         )
-        return cls(node, in_world(context.network, pose, z_known=node.has("z")))
+        network = context.network
+        # Vertices of trajectories are poses alone: the search for their road is spared where it
+        # changes no height.
+        if network is not None and _is_vertex(node) and (node.has("z") or network.flat):
+            network = None
+        return cls(node, in_world(network, pose, z_known=node.has("z")))
+
+
+def _is_vertex(node: Node) -> bool:
+    """Whether a position is that of a vertex of a trajectory."""
+    return next(node.element.iterancestors("Vertex"), None) is not None
 
 
 class _RelativePosition(Position):
