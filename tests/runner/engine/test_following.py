@@ -8,10 +8,12 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from runner.engine.motion.following import PathMotion
 from runner.engine.motion.on_roads import Roads
-from runner.engine.motion.paths import Corner, Polyline
+from runner.engine.motion.paths import Corner, Polyline, tangent
 
 DT = 0.1
 
@@ -83,3 +85,28 @@ def test_from_the_end_one_goes_back_and_no_further_than_there_in_the_other_gear(
 
 def test_from_the_end_one_does_not_go_on() -> None:
     assert motion(0.0, 100.0).ends(10.0, DT)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.none() | st.floats(-4.0, 4.0)),
+        min_size=2,
+        max_size=5,
+    ),
+    st.floats(0.0, 1.0),
+)
+def test_a_path_that_faces_ahead_is_nowhere_backwards(
+    corners: list[tuple[float, float, float | None]], share: float
+) -> None:
+    path = Polyline([Corner(x, y, 0.0, h) for x, y, h in corners])
+    near = [s for knot in path.knots() for s in (knot - 5e-5, knot, knot + 5e-5)]
+    for s in (share * path.length, *near):
+        if path.faces_ahead:
+            assert math.cos(path.at(s).h - tangent(path, s)) > 0.0
+
+
+@pytest.mark.parametrize(("heading", "ahead"), [(None, True), (0.5, True), (math.pi, False)])
+def test_headings_say_whether_a_path_faces_ahead(heading: float | None, ahead: bool) -> None:
+    way = motion(heading)
+    assert isinstance(way.path, Polyline) and way.path.faces_ahead == ahead
+    assert way.backwards() != ahead
