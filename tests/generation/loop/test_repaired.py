@@ -87,9 +87,9 @@ def test_runs_that_can_not_be_labelled_are_named_and_no_sound_loop(
     assert labelled.failures == failures
     ran, checked = Ran(), Checked(files=1, problems=[])
     result = LoopResult({}, 0, Recognised(), [], [Round(1, [], ran, labelled)], ran, ran, checked)
-    assert not result.sound
+    assert result.unsound
     calm = replace(result, rounds=[Round(1, [], ran, RecognisedRun())])
-    assert calm.sound
+    assert not calm.unsound
 
 
 @pytest.mark.slow
