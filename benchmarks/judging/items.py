@@ -263,7 +263,7 @@ def _picture(
     _paths(first, item, recording, borders, max(start, own[0]), min(end, own[-1]))
     for axes, time in zip(others, moments, strict=False):
         _moment(axes, item, recording, borders, time)
-    question = finding.title if finding else "all events"
+    question = "all events" if not finding else "which event" if item.hidden else finding.title
     figure.suptitle(
         f"item {number}: {question}, ego {item.vehicle} (blue)"
         + (f", partner {finding.partner} (red)" if finding and finding.partner else "")

@@ -370,8 +370,10 @@ def test_two_reviewers_are_reported_side_by_side(drawn: Path, tmp_path: Path) ->
 
 
 def test_reviewers_may_have_to_say_the_class(
-    recordings: Path, found: list[Finding], tmp_path: Path
+    recordings: Path, found: list[Finding], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    heads: list[str] = []
+    monkeypatch.setattr("matplotlib.figure.Figure.suptitle", lambda _, text: heads.append(text))
     library = Library([recordings])
     items = draw_hidden(find([recordings], None), library, 3, 1)
     assert {item.finding.source for item in items if item.finding} == {RULES}
@@ -381,6 +383,7 @@ def test_reviewers_may_have_to_say_the_class(
         assert item.finding is not None
         text = (tmp_path / "hidden" / f"{number:03}.txt").read_text()
         assert "which event is this?" in text and item.finding.title not in text
+        assert "which event" in heads[number] and item.finding.title not in heads[number]
         assert item.finding.title not in (tmp_path / "hidden" / "answers.csv").read_text()
     first = items[0].finding
     assert first is not None
