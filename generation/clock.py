@@ -195,13 +195,6 @@ class TimedPlays:
             self._times[len(theta)] = min(taken, self._times.get(len(theta), math.inf))
         return outcomes
 
-    def seconds(self, points: int) -> float:
-        """Time that points take, where some were played before."""
-        if not self._times:
-            return 0.0
-        few, added = self._rates()
-        return self._times[few] + added * max(points - few, 0)
-
     def _rates(self) -> tuple[int, float]:
         """Points of the smallest play, and seconds that each further point takes."""
         few, many = min(self._times), max(self._times)

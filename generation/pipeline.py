@@ -25,7 +25,6 @@ from generation.clock import PLAYED, SearchClock, TimedPlays, TimeOver
 from generation.estimation.bound import DrawnBound, draws_needed, draws_until
 from generation.estimation.estimate import (
     FAILURE,
-    MOST_LOOKED,
     RUNS,
     Allowance,
     Estimate,
@@ -113,8 +112,6 @@ _SEARCH = "search"
 """Phase of runs that a method chooses"""
 _TIMED = 30
 """Draws that tell how long a run takes"""
-_CHOOSING = 1200, 1600, 40
-"""About the fewest points that are played first to choose runs, those for a round, and its runs"""
 _GATED_UNTIL = 0.6
 """Share of the search's time after which nothing more is replayed one by one"""
 _DRAWN = 30, 0.25
@@ -268,7 +265,7 @@ def generate(
             with the number of those made, after each block of them.
         clock: of all phases; one that starts now, with the minutes of the settings, where it is
             None.
-        forecast: called with the seconds that all takes after the draws, least and most.
+        forecast: called with the seconds that runs take after the draws, least and most.
 
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
@@ -481,26 +478,17 @@ class _Work:
 
     @property
     def forecast(self) -> tuple[float, float]:
-        """Seconds that the rest takes, at the rates of draws and plays so far: least, most; 0 where
-        too few draws were run to tell.
+        """Seconds that the other runs take, at the rate of the draws: least, most; 0 where too few
+        were run to tell.
         """
         settings, per_run = self._asked.settings, self._per_run
         sought = settings.budget - len(self.unseen.theta)
         estimated = min(RUNS, settings.budget) if settings.estimate else 0
         cases = min(settings.choice.most, sought)
         driven = len(self._judges) * (cases + estimated) + (1 + settings.repeat) * cases
-        least = most = 0.0
-        if self._screen is not None:
-            traffic, candidates, batch = _CHOOSING
-            chosen = min(_PLAYED * settings.budget + traffic, PLAYED)
-            chosen += candidates * math.ceil(sought / max(batch, settings.budget // 50))
-            # A system that is asked run by run has a number of its own.
-            least = self._screen.seconds(int(min(chosen, self._screen.within(1.0))))
-            most = least + self._screen.seconds(MOST_LOOKED if settings.estimate else 0)
         runs = sought + estimated
-        if not per_run:
-            return 0.0, 0.0
-        return least + per_run * runs, most + per_run * (runs + driven)
+        # Small plays do not tell how long large ones take: a step costs nearly as much for one.
+        return per_run * runs, per_run * (runs + driven)
 
     @property
     def lost(self) -> bool:

@@ -361,7 +361,10 @@ def _forecast(search: Search, least: float, most: float) -> None:
     if search.settings.minutes is None and least > _MINUTE / 2.0:
         low, high = (max(round(each / _MINUTE), 1) for each in (least, most))
         span = f"{low} to {high}" if high > low else f"{low}"
-        say(f"{search.scenario.stem}: about {span} min more, as fast as so far", to=sys.stderr)
+        say(
+            f"{search.scenario.stem}: about {span} min for the other runs, besides plays",
+            to=sys.stderr,
+        )
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:

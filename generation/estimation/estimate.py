@@ -220,8 +220,6 @@ _BLOCK, _BLOCKS, _SOUGHT = 16_384, 16, 400
 """
 _CONTROLLED = 32_768
 """Draws of the proposal that are played"""
-MOST_LOOKED = _BLOCK * _BLOCKS + _CONTROLLED
-"""Points that an estimate plays at most, without those of judges"""
 _STAGES = 3
 """Without plays, stages of as many runs: each looks where the runs before it say"""
 _SURE, _UNSURE, _MOST = 0.5, 0.1, 1600

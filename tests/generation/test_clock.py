@@ -110,7 +110,6 @@ def test_plays_tell_how_many_there_is_time_for(passing: Time) -> None:
     assert plays.within(0.5) == pytest.approx((0.5 * left - 15.0) / 0.1 + 50)
     assert alone < plays.within(0.5), "of one play no more is promised than it shows"
     assert plays.played == 450
-    assert plays.seconds(1000) == pytest.approx(110.0)
     assert TimedPlays(play, SearchClock(None), 1024).within(0.1) == np.inf
 
 
