@@ -18,9 +18,8 @@ from recognition.catalogue.writing.storyboard import paths
 from recognition.labels.classes import Label
 from recognition.labels.maneuvers.events import Maneuvers
 from recognition.labels.maneuvers.maneuver import RecordedManeuver, Span
-from recognition.scenes import Site
+from recognition.scenes import Site, place
 from recognition.scenes.cut import EGO
-from recognition.scenes.lanes import place
 from runner.recording import Recording, Track
 from schemas import check
 from schemas.common.errors import Unsupported
