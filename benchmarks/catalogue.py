@@ -33,7 +33,7 @@ from pathlib import Path
 from scenariogeneration import xosc as sg
 
 from recognition import recordings as datasets
-from recognition.catalogue import recordings
+from recognition.catalogue import pipeline
 from recognition.catalogue.detect import ByRules
 from recognition.catalogue.model import ByModel, load
 from recognition.catalogue.pipeline import SHIPPED, build
@@ -126,10 +126,10 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     )
     taken |= dict.fromkeys(("films", "lanes of the page", "page", "exposure"), 0.0)
     places: list[tuple[object, str]] = [
-        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"),
+        (datasets.Source, "load"), (pipeline, "label"), (ByModel, "look"), (SceneCutter, "cut"),
         (write, "criticality_of"),
         (CatalogWriter, "add"), (write, "film"), (index, "lanes"), (index, "catalogue_page"),
-        (recordings, "exposure_of"),
+        (pipeline, "exposure_of"),
     ]  # fmt: skip
     for part, (owner, name) in zip(taken, places, strict=True):
         setattr(owner, name, _timed(getattr(owner, name), part, taken))
