@@ -105,10 +105,12 @@ LONGEST_POINTER = 1024
 """Bytes; the limit of Git LFS's specification"""
 
 
-def _alike(path: Path) -> str:
+def alike(path: Path) -> str:
     """Question for the most similar name of a scenario or road beside a missing one, or of a
-    folder where that has no ending; empty without one.
+    folder where that has no ending or is missing itself; empty without one.
     """
+    if not path.parent.exists():
+        return alike(path.parent)
     # Strangers learn no names of files; files that commands write are missing often, and asked for.
     endings = (".xosc", ".xodr")
     folders = not path.suffix
@@ -125,8 +127,8 @@ def _alike(path: Path) -> str:
     except OSError:
         return ""
     # Endings are alike in all names, and would make each of them similar.
-    alike = most_similar(path.stem, sorted(beside))
-    return alike and f"; did you mean {beside[alike]!r}?"
+    nearest = most_similar(path.stem, sorted(beside))
+    return nearest and f"; did you mean {beside[nearest]!r}?"
 
 
 def read_bytes(path: Path) -> bytes:
@@ -153,7 +155,7 @@ def read_bytes(path: Path) -> bytes:
         # A file of /proc has no size, and reading it may never end.
         content = path.read_bytes() if status.st_size else b""
     except FileNotFoundError:
-        raise InvalidFile(f"no such file{_alike(path)}", path=path) from None
+        raise InvalidFile(f"no such file{alike(path)}", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None

@@ -12,7 +12,7 @@ import schemas
 from schemas.common.errors import InvalidFile, Unsupported
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.test_exports import motion
-from xosc.exports import standard
+from xosc.exports import carla, standard
 from xosc.exports.draft import ExportSettings, Folder
 from xosc.exports.omissions import OMISSIONS, SAID_OTHERWISE
 
@@ -175,6 +175,15 @@ def test_transitions_that_keep_to_their_dynamics_are_told(dimension: str, tmp_pa
         "Performance asks for that"
     ) in remark
     assert standard.export(path, "1.2", Folder(tmp_path / "new")) == []
+
+
+def test_a_trailer_of_no_name_is_left_out_for_carla_too(tmp_path: Path) -> None:
+    hitch = '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>'
+    path = scenario(tmp_path, entities=[car("Ego"), car("Lead").replace("</Axles>", hitch)])
+    assert any(
+        "it tows nothing" in remark
+        for remark in carla.export(path, "carla", Folder(tmp_path / "out"))
+    )
 
 
 def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:

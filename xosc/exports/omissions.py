@@ -312,6 +312,13 @@ def _along_route(condition: etree._Element) -> None:
 
 
 _NOT_SHOWN = "this version does not have it, and no motion depends on it"
+
+
+def _attribute(name: str) -> tuple[Callable[[etree._Element], None], str]:
+    """The change that leaves an attribute out which no motion depends on, and its reason."""
+    return _without(name), f"{name} is left out: {_NOT_SHOWN}"
+
+
 _COUNTED = "TimeOfDayCondition"
 _ALONG = (
     "[(@coordinateSystem='road' or @coordinateSystem='lane') and "
@@ -375,8 +382,7 @@ OMISSIONS: tuple[Omission, ...] = (
         (1, 4), "//CatalogLocations[not(//CatalogReferences)]/TrafficDistributionEntryCatalog",
         _remove, "nothing refers to it"
     ),
-    Omission((1, 4), "//TrafficDistribution/TrafficDistributionEntry[@name]", _without("name"),
-        _NOT_SHOWN),
+    Omission((1, 4), "//TrafficDistribution/TrafficDistributionEntry[@name]", *_attribute("name")),
     Omission(
         (1, 4), "//TrafficDistributionEntry[not(.//@*[starts-with(., '$')])]/ParameterDeclarations",
         _remove,
@@ -412,20 +418,20 @@ OMISSIONS: tuple[Omission, ...] = (
     Omission((1, 2), "//Sun[@illuminance]", _renamed("illuminance", "intensity"),
         "illuminance is called intensity before 1.2"),
     Omission((1, 2), "//AppearanceAction", _idle, _NOT_SHOWN),
-    Omission((1, 2), "//RoadCondition/@wetness/..", _without("wetness"), _NOT_SHOWN),
-    Omission((1, 2), "//Controller/@controllerType/..", _without("controllerType"), _NOT_SHOWN),
+    Omission((1, 2), "//RoadCondition/@wetness/..", *_attribute("wetness")),
+    Omission((1, 2), "//Controller/@controllerType/..", *_attribute("controllerType")),
     Omission(
         (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = "
                 "//ParameterDeclaration/@name)]", _parameters,
         "variables are written as parameters, which actions may set before 1.2",
     ),
     # 1.1
-    Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"),
-        _NOT_SHOWN),
-    Omission((1, 1), "//Pedestrian[@model and @model3d]", _without("model3d"), _NOT_SHOWN),
+    Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", *_attribute("model3d")),
+    Omission((1, 1), "//Pedestrian[@model and @model3d]", *_attribute("model3d")),
     Omission(
         (1, 1), "//Weather[@temperature or @atmosphericPressure]",
-        _without("temperature", "atmosphericPressure"), _NOT_SHOWN
+        _without("temperature", "atmosphericPressure"),
+        f"temperature and atmosphericPressure are left out: {_NOT_SHOWN}",
     ),
     Omission((1, 1), "//Weather/Wind | //Weather/DomeImage", _remove, _NOT_SHOWN),
     Omission(

@@ -13,6 +13,7 @@ from glob import escape, glob, has_magic
 from pathlib import Path
 
 from schemas.common.errors import InvalidFile, UsageError, nearest, similar
+from schemas.common.storage import alike
 from schemas.common.terminal.text import one_line
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
@@ -60,9 +61,8 @@ def named(path: Path) -> Path:
         return own
     if name in shipped():
         return _relative(LIBRARY / own)
-    told = (
-        f"neither a file nor the name of a shipped scenario; {similar(name, shipped()) or _SHOWN}"
-    )
+    hint = similar(name, shipped()) or alike(path).removeprefix("; ") or _SHOWN
+    told = f"neither a file nor the name of a shipped scenario; {hint}"
     raise InvalidFile(told, path=path)
 
 

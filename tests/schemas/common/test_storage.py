@@ -95,6 +95,8 @@ def test_a_missing_file_is_told_with_the_most_similar_beside_it(tmp_path: Path) 
         read_bytes(tmp_path / "corporas")
     with pytest.raises(InvalidFile, match=r"no such file$"):
         read_bytes(tmp_path / "absent" / "other.xosc")
+    with pytest.raises(InvalidFile, match=r"result.json: no such file; did you mean 'corpora'\?"):
+        read_bytes(tmp_path / "corporas" / "result.json")
     with in_force(CommandPolicy(untrusted=True)), pytest.raises(InvalidFile) as caught:
         read_bytes(tmp_path / "NCAP_CCR_2023.xosc")
     assert "CCRs" not in str(caught.value)

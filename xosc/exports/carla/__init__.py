@@ -93,9 +93,10 @@ def export(
     for name, scenario in concrete_scenarios(source, settings):
         draft.note(*scenario.remarks)
         need_map(scenario, settings.roads(scenario.node))
-        need_entities(scenario)
         if not settings.strict:
             draft.note(*omit(scenario, (1, 0)))
+        # After `omit`, which leaves out trailers of no name: they tow nothing.
+        need_entities(scenario)
         if settings.locate:
             draft.note(*to_init(scenario))
         geometry = settings.locate(scenario) if settings.locate else None
