@@ -125,7 +125,9 @@ def xosc_run(
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
         if batch.dry_run and table.shown > 1:
-            table.tell(f"without --dry-run: {many(source.made, 'run')}")
+            several = source.made > table.shown
+            hint = "; to learn how long they take, time one set of each file: --sample 1"
+            table.tell(f"without --dry-run: {many(source.made, 'run')}{hint if several else ''}")
         if not batch.dry_run and not limit.stopped and table.shown != source.made:
             told = f"{table.shown} outcomes of {source.made} runs"
             print(f"xosc-run: internal error: {told}", file=sys.stderr)

@@ -370,6 +370,8 @@ def test_a_dry_run_of_a_variation_file_is_one_line(
         "parameter",
         "sets",
     ]
+    last = xosc_run(good, passing, "--dry-run").out.splitlines()[-1]
+    assert "without --dry-run: 6 runs" in last and last.endswith("--sample 1")
     scenario(
         tmp_path,
         "short",

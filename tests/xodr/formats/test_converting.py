@@ -1073,6 +1073,10 @@ def test_info_says_what_is_there(source: Path) -> None:
     assert (about.roads, about.junctions, about.lanes) == (2, 0, 10)
     assert about.signals == {"light": 1, "sign": 1}
     assert about.corner == pytest.approx((48.09, 11.55), abs=0.1)
+    assert about.limited.keys() == about.limits.keys()
+    assert {road for roads in about.limited.values() for road in roads} == set(
+        xodr.load(source).roads
+    )
     assert sum(about.lengths.values()) == pytest.approx(sum(
         lane.length for lane in of_network(xodr.load(source)).lanes.values()))  # fmt: skip
 

@@ -65,6 +65,7 @@ class MapInfo(NamedTuple):
         lanes: number of lanes.
         lengths: length (m) of lanes by type, longest first.
         limits: length (m) of lanes for vehicles by speed limit (km/h, or "none").
+        limited: the roads of an OpenDRIVE map, else the lanes, that have such lanes, by limit.
         roads, junctions: numbers; of an OpenDRIVE map, else None.
         signals: number of signals by kind.
         furniture: number of crosswalks, stop lines and poles, and of other objects by type.
@@ -81,6 +82,7 @@ class MapInfo(NamedTuple):
     lanes: int
     lengths: dict[str, float]
     limits: dict[str, float]
+    limited: dict[str, list[str]]
     roads: int | None
     junctions: int | None
     signals: dict[str, int]
@@ -122,10 +124,14 @@ def info(path: str | PathLike[str], *, origin: tuple[float, float] | None = None
         defaultdict[str, float](float),
         defaultdict[str, int](int),
     )
-    for lane in made.lanes.values():
+    limited = defaultdict[str, dict[str, None]](dict)
+    for name, lane in made.lanes.items():
         lengths[lane.type] += lane.length
         if lane.type == "driving":
-            limits["none" if lane.limit is None else f"{lane.limit * 3.6:.0f}"] += lane.length
+            limit = "none" if lane.limit is None else f"{lane.limit * 3.6:.0f}"
+            limits[limit] += lane.length
+            # Lanes of OpenDRIVE are named ROAD/SECTION/LANE.
+            limited[limit][name.rsplit("/", 2)[0] if kind == "opendrive" else name] = None
     for signal in made.signals:
         signals[signal.kind] += 1
     points = np.vstack(
@@ -145,7 +151,7 @@ def info(path: str | PathLike[str], *, origin: tuple[float, float] | None = None
     )
     return MapInfo(
         kind, len(made.lanes), dict(sorted(lengths.items(), key=lambda item: -item[1])),
-        dict(sorted(limits.items())),
+        dict(sorted(limits.items())), {limit: [*places] for limit, places in limited.items()},
         len(network.roads) if network is not None else None,
         len(network.junctions) if network is not None else None,
         dict(signals), _furniture(made), (west, south, east, north), (low, high),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,6 +38,8 @@ _EXAMPLES = (
     "xosc-road convert xodr/library/roundabout.xodr --out roundabout.osm --within 0.05",
     "xosc-road info xodr/library/roundabout.xodr",
 )
+_MOST_PLACES = 12
+"""Roads or lanes that a line of `info` names"""
 _EPILOG = exit_codes("done", "the error is beyond --within, or a test drive fails") + (
     " Formats: OpenDRIVE (.xodr), Lanelet2 (.osm), SUMO (.net.xml), CommonRoad (.xml), GeoJSON "
     "(.geojson), and"
@@ -183,6 +185,7 @@ def info_command(
         say(json.dumps(about.as_json(), ensure_ascii=False))
         return
     west, south, east, north = about.bounds
+    places = "lanes" if about.roads is None else "roads"
     roads = (
         [f"roads {about.roads}", f"junctions {about.junctions}"] if about.roads is not None else []
     )
@@ -197,9 +200,10 @@ def info_command(
         ),
         *(f"  {kind:16} {length / 1000.0:10.3f} km" for kind, length in about.lengths.items()),
         "objects: " + (", ".join(f"{kind} {n}" for kind, n in about.furniture.items()) or "none"),
-        "speed limits: "
-        + ", ".join(
-            f"{limit if limit == 'none' else f'{limit} km/h'} {length / 1000.0:.3f} km"
+        "speed limits:",
+        *(
+            f"  {limit if limit == 'none' else f'{limit} km/h':16} {length / 1000.0:10.3f} km: "
+            f"{places} {_some(about.limited[limit])}"
             for limit, length in about.limits.items()
         ),
         f"bounds: x {west:.2f} to {east:.2f} m, y {south:.2f} to {north:.2f} m, z "
@@ -218,6 +222,12 @@ def info_command(
         ),
         *(f"remark: {note}" for note in about.notes),
     )
+
+
+def _some(names: Sequence[str]) -> str:
+    rest = len(names) - _MOST_PLACES
+    more = f" and {rest} others, as --json lists them" if rest > 0 else ""
+    return f"{', '.join(names[:_MOST_PLACES])}{more}"
 
 
 @app.command("show")
