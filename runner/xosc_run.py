@@ -113,11 +113,10 @@ def xosc_run(
         outcomes, together = _outcomes(chosen, settings, batch, also, table, in_arrays, limit)
         outcomes = _counted(outcomes, work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier, limit)
-        if together is not None and together.contradicted:
+        if together is not None and together.fault:
             code = gravest([code, ExitCode.INTERNAL])
             if batch.quiet:  # what the table would say
-                told = "single runs end otherwise than in arrays, whose passes count for nothing"
-                print(f"xosc-run: {told}", file=sys.stderr)
+                print(f"xosc-run: {together.fault}", file=sys.stderr)
         if limit.stopped and (left := source.planned - table.shown):
             goes_on = "" if batch.out is None else "; --resume goes on"
             told = f"stopped by --maxfail: {left} of {many(source.planned, 'run')} left{goes_on}"

@@ -27,11 +27,15 @@ from runner.judging.evidence.array_judge import OPEN, ArrayOutcomes
 from runner.judging.measures.runs import Measuring
 from runner.judging.result import FAILED, INCONCLUSIVE
 from runner.judging.settings import RunSettings
+from runner.systems import is_foreign, system_name
+from runner.systems.base import SystemUnderTestError
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
+_COMPARED = 8
+"""Of these, the nearest that an own system decides at once in arrays and one by one as well"""
 FEW = 8
 """Points that the interpreter plays in less time than arrays, which take nearly
 as long for one as for hundreds
@@ -62,7 +66,8 @@ class ArrayPlays:
     Raises:
         Unsupported: the scenario, its system under test or a setting plays in single runs only, or
             much of it is done run by run, and `fast` is asked for.
-        ToolchainError: the system fails, or the scenario can't be compiled.
+        ToolchainError: the system fails, or decides otherwise in arrays than one by one; or the
+            scenario can't be compiled.
     """
 
     def __init__(
@@ -87,6 +92,10 @@ class ArrayPlays:
         if reason:
             raise Unsupported(reason, path=scenario)
         self.together = decides_together(self._run)
+        sut = self._run.sut
+        # Shipped systems are compared by tests; a user's own is nobody else's to compare.
+        if self.together and (not isinstance(sut, str) or is_foreign(sut)):
+            self._refuse_otherwise(drawn)
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), in their order.
@@ -111,6 +120,30 @@ class ArrayPlays:
         alone = len(parts) < 2 or not isinstance(settings.sut, str | None)
         with results(work, parts, Workers(1 if alone else self._processes)) as found:
             return joined([Outcomes.of(0), *found])
+
+    def _refuse_otherwise(self, theta: FloatArray) -> None:
+        """Refuse a system whose `control_batch` decides otherwise than its `control`: the search
+        would look where a system fails that drives in no run."""
+        settings = self._run
+        played = _played(self._scenario, settings, self._rss, self._sets(theta))
+        near = np.argsort(np.where(played.executed, played.clearance, np.inf))[:_COMPARED]
+        sets = self._sets(theta[near])
+        single, played = _singly(self._scenario, settings, self._rss, sets), played.take(near)
+        apart = (played.collision != single.collision) | (
+            # A step, since rounding may turn a condition of the end.
+            abs(played.end_time - single.end_time) > 1.5 * settings.timestep
+        )
+        wrong = np.flatnonzero(apart & played.executed & single.executed)
+        if wrong.size:
+            first = wrong[0]
+            values = ", ".join(f"{name}={value}" for name, value in sets[first].items())
+            raise SystemUnderTestError(
+                f"the system under test {system_name(settings.sut)} decides otherwise in "
+                f"control_batch than in control: {wrong.size} of {len(near)} parameter sets end "
+                f"otherwise in arrays than one by one, as {values} ({_end(played, first)} and "
+                f"{_end(single, first)}); --plays 0 asks control alone",
+                path=self._scenario,
+            )
 
     def _sets(self, theta: FloatArray) -> list[dict[str, str]]:
         pinned = {name: str(value) for name, value in self._space.pinned.items()}
@@ -142,6 +175,11 @@ def _played(
     for name, column in columns.items():
         column[open_] = getattr(single, name)
     return Outcomes.of(len(sets), **{name: column.tolist() for name, column in columns.items()})
+
+
+def _end(outcomes: Outcomes, row: int) -> str:
+    how = "failed" if outcomes.collision[row] else "passed"
+    return f"{how} at {outcomes.end_time[row]:.2f} s"
 
 
 def _singly(

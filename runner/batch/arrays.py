@@ -35,6 +35,7 @@ from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
 from runner.systems import OF_SYSTEM
 from runner.systems.array_systems import open_arrays
+from runner.systems.base import SystemUnderTestError
 from runner.systems.drivers import ArraySystemDriver, find_ego
 from schemas.common.array_types import IntArray
 from schemas.common.errors import ToolchainError, Unsupported
@@ -309,6 +310,7 @@ class Together:
         """nearest misses, the farthest first: minus its distance (m)"""
         self._writer: Any = None
         self._passed = self._apart = self._disagreements = 0
+        self._failing = False
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         try:
@@ -325,10 +327,12 @@ class Together:
                 self._writer.close()
 
     @property
-    def contradicted(self) -> bool:
-        """Whether runs contradict what arrays made of the same sets: then passes in arrays count
-        for nothing."""
-        return self._apart > 0
+    def fault(self) -> str:
+        """Reason for which passes in arrays count for nothing: runs contradict them, or the system
+        fails where it decides in arrays. Empty without one."""
+        if self._apart:
+            return "single runs end otherwise than in arrays, whose passes count for nothing"
+        return "the system under test fails in arrays; all was run one by one" * self._failing
 
     def checked(self, outcomes: Iterable[Outcome]) -> Generator[Outcome]:
         """The outcomes of the batch; those that contradict the arrays are told."""
@@ -403,6 +407,7 @@ class Together:
     def _sort(self, jobs: list[Job], answer: _Answer) -> Iterator[Job | Outcome]:
         """Tell sets that passed in arrays from those that are left to the interpreter."""
         path = jobs[0].scenario
+        self._failing |= answer.failing
         if answer.single and path not in self._single:
             self._single.add(path)
             # Faults of a file are told by its runs: only elements without arrays are told here.
@@ -467,11 +472,13 @@ class _EndInArrays(NamedTuple):
 
 class _Answer(NamedTuple):
     """Columns of the sets of a chunk that were played in arrays, by their numbers; whether its
-    scenario is to be played in single runs only, and the reason."""
+    scenario is to be played in single runs only, the reason, and whether that is a failure of the
+    system under test."""
 
     rows: dict[int, dict[str, Any]]
     single: bool = False
     reason: str = ""
+    failing: bool = False
 
 
 def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
@@ -493,6 +500,8 @@ def _measured(settings: RunSettings, jobs: list[Job]) -> _Answer:
                 }
     except (NotInArrays, Unsupported) as error:
         return _Answer(known, True, str(error))
+    except SystemUnderTestError as error:  # single runs ask another method of it, which may work
+        return _Answer(known, True, str(error), True)
     except ToolchainError:  # the interpreter names what is wrong with which set
         return _Answer(known, True)
     return _Answer(known)

@@ -145,7 +145,9 @@ def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(
     distribution(folder, "gaps", {"Gap": (50, 60, 10)}, of="foreign")
     answer = command("xosc-loop", *arguments, "--out", tmp_path / "second")
     assert answer.code == 1
-    told = [line for line in answer.err.splitlines() if "ExternalObjectReference" in line]
+    *told, last = answer.err.splitlines()
+    assert last.startswith("xosc-loop: exit code 1: ")
+    told = [line for line in told if "ExternalObjectReference" in line]
     assert [line.split(": ")[1] for line in told] == ["gaps", "foreign.xosc", "gaps.xosc"]
     assert told[2].endswith("(and 1 more run with errors)")
 

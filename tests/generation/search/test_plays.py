@@ -14,6 +14,7 @@ from generation.space import SpaceChoice
 from generation.space.space import Space
 from runner.batch.jobs import Job
 from runner.judging.settings import RunSettings
+from runner.systems.base import SystemUnderTestError
 from schemas.common.errors import Unsupported
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
@@ -21,12 +22,14 @@ CUT_IN = LIBRARY / "cut_in_highway.xosc"
 MANEUVERS = ("cut_out", "lane_change_left", "car_following", "braking_leader", "free_cruise")
 OWN = """
 import numpy as np
+from runner.systems import Control
 from runner.systems.arrays import BatchControl
 
 class Own:
     def reset(self, ego, timestep, seed): ...
     def control(self, observation, dt):
-        raise RuntimeError("is asked at once")
+        near = any(abs(other.x - observation.ego.x) < 25.0 for other in observation.others)
+        return Control(-6.0) if near else Control()
     def control_batch(self, observations, dt):
         others, ego = observations.others, observations.ego
         near = (others.present & (np.abs(others.x - ego.x) < 25.0)).any(axis=0)
@@ -196,3 +199,11 @@ def test_what_is_no_faster_than_runs_is_refused(name: str, sut: str) -> None:
     scenario = LIBRARY / f"{name}.xosc"
     with pytest.raises(Unsupported):
         ArrayPlays(scenario, Space.of(scenario), settings(sut), "ad-rss")
+
+
+def test_a_class_that_decides_otherwise_at_once_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(OWN.replace("np.full(len(near), -6.0)", "np.full(len(near), 0.0)"), "utf-8")
+    space = Space.of(CUT_IN, SpaceChoice())
+    with pytest.raises(SystemUnderTestError, match="otherwise in control_batch than in control"):
+        ArrayPlays(CUT_IN, space, settings(f"{path}:Own"))

@@ -310,7 +310,7 @@ def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> 
     passed = Outcome(failed[0], "passed", 0)
     assert list(together.checked([passed])) == [passed]
     assert "failed in arrays, passed one by one" in told[0]
-    assert together.contradicted
+    assert "otherwise" in together.fault
 
 
 def test_a_system_that_decides_otherwise_in_arrays_is_told(
@@ -330,6 +330,21 @@ def test_a_system_that_decides_otherwise_in_arrays_is_told(
         r"~000002: timeout at \S+ s in arrays, completed at \S+ s one by one",
         answers["Other"].out,
     )
+
+
+@pytest.mark.parametrize("quiet", [(), ("-q",)])
+def test_a_system_that_fails_in_arrays_is_told(
+    quiet: tuple[str, ...], command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = SLOWER.replace(
+        "return BatchControl((self.share", "raise KeyError('oops' or (self.share"
+    )
+    (tmp_path / "slower.py").write_text(broken, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    call = ("xosc-run", "simple_cut_in_variation", "--only", "2", "--batch", "--sut")
+    answer = command(*call, "slower.py:Alike", "--world", "kinematic", *quiet)
+    assert answer.code == 5
+    assert "fails in arrays" in answer.err if quiet else "KeyError: 'oops'" in answer.out
 
 
 def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path) -> None:
