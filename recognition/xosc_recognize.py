@@ -421,6 +421,8 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for name, reason in summary.repaired.items() if not quiet else ():
         say(f"{NAME}: {name} was repaired: {reason}", to=sys.stderr)
+    for name, doubts in summary.doubtful.items():
+        say(f"{NAME}: {name}: {doubts}", to=sys.stderr)
     _print_skipped(summary.skipped, quiet)
     for error in summary.failures.values():
         say(f"{NAME}: {error}", to=sys.stderr)

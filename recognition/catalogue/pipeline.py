@@ -91,6 +91,11 @@ REFUSALS = (InvalidFile, Unsupported, UsageError)
 """Errors that concern one recording: the others go on"""
 
 
+_DOUBTFUL = 0.35
+"""Share that fails a check, from which on the catalogue tells it: no real recording has as many
+places off the roads on its own map"""
+
+
 class Summary(NamedTuple):
     """Outcome of the recordings.
 
@@ -99,7 +104,8 @@ class Summary(NamedTuple):
     from the start, as recorded. edited: files that a person has edited, left alone. removed: files
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
     read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
-    why. unplayable: scenarios that do not play, which are not part of the catalogue, and why.
+    why. doubtful: recordings of which a large share fails a check, and what it says.
+    unplayable: scenarios that do not play, which are not part of the catalogue, and why.
     inconclusive: scenarios without a verdict as they were recorded, and why.
     unlit: recordings of junctions with traffic lights whose passages the rules do not count.
     """
@@ -113,6 +119,7 @@ class Summary(NamedTuple):
     failures: dict[str, ToolchainError]
     skipped: list[Path]
     repaired: dict[str, str]
+    doubtful: dict[str, str]
     unplayable: dict[str, str]
     inconclusive: dict[str, str]
     unlit: int
@@ -544,6 +551,7 @@ class _CatalogueBuild:
         self._catalogue = Catalogue(out, settings.config, sorted_by, selected=selected)
         self._trials: list[TrialBlock] = []
         self._repaired: dict[str, str] = {}
+        self._doubtful: dict[str, str] = {}
 
     def find(self, searches: Sequence[RecordingSearch], bar: Bar) -> list[Findings]:
         """Find the scenarios of recordings; the outcome of those that could be read."""
@@ -559,8 +567,15 @@ class _CatalogueBuild:
                     self._failures[search.location.name] = outcome
                 else:
                     read.append(outcome)
-                    if outcome.report.verdict == REPAIRED:
-                        self._repaired[search.location.name] = _repairs(outcome.report)
+                    name, report = search.location.name, outcome.report
+                    if report.verdict == REPAIRED:
+                        self._repaired[name] = _repairs(report)
+                    if doubts := "; ".join(
+                        check.reason
+                        for check in report.checks
+                        if check.verdict is None and check.share > _DOUBTFUL
+                    ):
+                        self._doubtful[name] = doubts
                 advance(1.0)
         return read
 
@@ -625,6 +640,7 @@ class _CatalogueBuild:
             self._failures,
             skipped,
             self._repaired,
+            self._doubtful,
             catalogue.unplayable,
             dict(sorted((row["file"], row["inconclusive"]) for row in rows if row["inconclusive"])),
             0 if self._settings.rules.signalised else catalogue.remarked(LIT),

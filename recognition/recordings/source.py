@@ -343,7 +343,7 @@ def open(
 @lru_cache(maxsize=1)
 def listed(paths: tuple[Path, ...], columns: Path | None = None) -> list[DataSet]:
     """The data sets in files and folders, listed once in each process."""
-    return [open(path, columns=columns) for path in paths]
+    return [*map(partial(open, columns=columns), paths)]
 
 
 @lru_cache(maxsize=1)

@@ -71,7 +71,7 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
         f"{source.site}.osm. A road: --road FILE or its name, as --road highway_straight (lanes "
         "along x, 0 to 2,000 m, at y = -1.9, -5.6 and -9.4 m); scenarios without classes on a "
         "plane: "
-        f"xosc-recognize replay {source.path.name} --out DIR"
+        f"xosc-recognize replay {source.path.name} --out FILE.xosc"
     )
     raise UsageError(what, path=source.path)
 
@@ -119,7 +119,8 @@ def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
                 "map",
                 None,
                 1.0 - on_road,
-                f"{on_road:.0%} of the vehicles' places are on a road of {name}",
+                f"{on_road:.0%} of the vehicles' places are on a road of {name}; what happens off "
+                "it is not found",
             )
         )
     share = f"{astray:.0%}" if astray >= _SHOWN else f"less than {_SHOWN:.0%}"

@@ -141,10 +141,14 @@ def xosc_list(
     # A catalogue's rows are a table, as those of batches are; without one they are its scenarios.
     whole = format in ("csv", "parquet") and not (label or tag) and _all_tables(paths)
     if asks or whole:
-        if label or tag or not paths:
+        if label or tag:
             raise UsageError(
-                "questions are to catalogues, batches and searches: name their folders; "
-                "--where \"class = '…'\" is for --class and --tag"
+                "--class and --tag are for lists of scenarios; rows of catalogues are asked by "
+                f"--where, as --where \"class = '{label or '…'}'\""
+            )
+        if not paths:
+            raise UsageError(
+                "questions are to catalogues, batches and searches: name their folders"
             )
         asked = _asked(paths, where, sort or [], columns or [], distinct, like, folder, verbose)
         index, shown = asked
