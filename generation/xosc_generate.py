@@ -507,7 +507,7 @@ def _nothing(generated: Generated) -> str:
         return "no sought run succeeded" if len(outcomes.executed) else "no run was sought"
     if not colliding.any():
         return (
-            f"no run {generated.fails}; the least distance of the ego to another one is "
+            f"no sought run {generated.fails}; the least distance of the ego to another one is "
             f"{near.min():.2f} m"
         )
     judged = generated.gate.refusal is None

@@ -149,7 +149,7 @@ def test_a_search_that_finds_nothing_says_why(
     far = ("--pin", "CutIn_Gap_m=100", "--pin", "Ego_Speed_mps=20")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "one", *QUICK, *far, "--budget", 1) == 1
     assert (
-        "0 edge cases: no run collides; the least distance of the ego to another one is "
+        "0 edge cases: no sought run collides; the least distance of the ego to another one is "
         in capsys.readouterr().out
     )
 

@@ -59,7 +59,7 @@ CALLS: dict[str, list[str]] = {
     "label": ["xosc-recognize", "label", "out/results/scenario", "--labels", "rules"],
     "record": ["xosc-recognize", "record", "out", "--families", "1"],
     "generate": ["xosc-generate", "in/scenario.xosc", "--free", "Gap=20..60", *SEARCH, "--out",
-        "out", *QUICK],
+        "out", "-q", *QUICK],
     "loop": ["xosc-loop", "in/library", "--labels", "rules", "--budget", "2", "--rounds", "1",
         "--out", "out"],
 }  # fmt: skip
