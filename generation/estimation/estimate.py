@@ -571,10 +571,7 @@ class _Runs:
         self.stages.append(Stage(before + len(theta), proposal))
         self.theta.append(theta)
         self.outcomes.append(outcomes)
-        prevented = outcomes.collision.copy()
-        # Each judge costs a run a point: only failures are driven again.
-        prevented[prevented] = self._prevented(theta[prevented])
-        self.prevented.append(prevented)
+        self.prevented.append(_preventable(theta, outcomes, self._prevented))
         return theta, outcomes
 
 
@@ -668,9 +665,18 @@ def _draws(
 def _judged(
     theta: FloatArray, outcomes: Outcomes, drawn: Stages, drivers: Drivers, judges: Sequence[str]
 ) -> _Played:
+    survives = partial(survivors, drivers=drivers, judges=judges)
+    return _Played(drawn.weights(theta), outcomes, _preventable(theta, outcomes, survives))
+
+
+def _preventable(
+    theta: FloatArray, outcomes: Outcomes, survives: Callable[[FloatArray], BoolArray]
+) -> BoolArray:
+    """Failures among points (n, d) that a judge survives."""
     preventable = outcomes.collision.copy()
-    preventable[preventable] = survivors(theta[preventable], drivers, judges)
-    return _Played(drawn.weights(theta), outcomes, preventable)
+    # Each judge costs a run a point: only failures are driven again.
+    preventable[preventable] = survives(theta[preventable])
+    return preventable
 
 
 def _events(played: _Played) -> dict[str, BoolArray]:

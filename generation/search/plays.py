@@ -93,7 +93,7 @@ class ArrayPlays:
             raise Unsupported(reason, path=scenario)
         self.together = decides_together(self._run)
         sut = self._run.sut
-        # Shipped systems are compared by tests; a user's own is nobody else's to compare.
+        # Tests compare shipped systems; nothing else compares a user's own.
         if self.together and (not isinstance(sut, str) or is_foreign(sut)):
             self._refuse_otherwise(drawn)
 
@@ -124,10 +124,10 @@ class ArrayPlays:
     def _refuse_otherwise(self, theta: FloatArray) -> None:
         """Refuse a system whose `control_batch` decides otherwise than its `control`: the search
         would look where a system fails that drives in no run."""
-        settings = self._run
-        played = _played(self._scenario, settings, self._rss, self._sets(theta))
-        single = _singly(self._scenario, settings, self._rss, self._sets(theta))
-        # One that never fails in these sets betrays itself by how near it comes.
+        settings, sets = self._run, self._sets(theta)
+        played = _played(self._scenario, settings, self._rss, sets)
+        single = _singly(self._scenario, settings, self._rss, sets)
+        # Least distances, too: a system may fail in none of so few sets.
         apart = (played.collision != single.collision) | ~np.isclose(
             played.clearance, single.clearance, rtol=0.0, atol=_APART
         )
@@ -138,9 +138,7 @@ class ArrayPlays:
         wrong = np.flatnonzero(np.where(tested, apart, lost))
         if wrong.size:
             first = wrong[0]
-            values = ", ".join(
-                f"{name}={value}" for name, value in self._sets(theta)[first].items()
-            )
+            values = ", ".join(f"{name}={value}" for name, value in sets[first].items())
             raise SystemUnderTestError(
                 f"the system under test {system_name(settings.sut)} decides otherwise in "
                 f"control_batch than in control: {wrong.size} of {len(theta)} parameter sets go "

@@ -104,7 +104,7 @@ class Summary(NamedTuple):
     from the start, as recorded. edited: files that a person has edited, left alone. removed: files
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
     read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
-    why. doubtful: recordings of which a large share fails a check, and what it says.
+    why. doubtful: recordings that fail a check in large part, and the check's sentence.
     unplayable: scenarios that do not play, which are not part of the catalogue, and why.
     inconclusive: scenarios without a verdict as they were recorded, and why.
     unlit: recordings of junctions with traffic lights whose passages the rules do not count.
