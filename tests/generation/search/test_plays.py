@@ -201,9 +201,19 @@ def test_what_is_no_faster_than_runs_is_refused(name: str, sut: str) -> None:
         ArrayPlays(scenario, Space.of(scenario), settings(sut), "ad-rss")
 
 
-def test_a_class_that_decides_otherwise_at_once_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "np.full(len(near), 0.0), accelerates=near",
+        "np.full(len(near), -6.0)",  # always, and so in no collision
+        "np.full(len(near), -5.5), accelerates=near",
+    ],
+)
+def test_a_class_that_decides_otherwise_at_once_is_refused(wrong: str, tmp_path: Path) -> None:
     path = tmp_path / "own.py"
-    path.write_text(OWN.replace("np.full(len(near), -6.0)", "np.full(len(near), 0.0)"), "utf-8")
+    right = "np.full(len(near), -6.0), accelerates=near"
+    assert right in OWN
+    path.write_text(OWN.replace(right, wrong), "utf-8")
     space = Space.of(CUT_IN, SpaceChoice())
     with pytest.raises(SystemUnderTestError, match="otherwise in control_batch than in control"):
         ArrayPlays(CUT_IN, space, settings(f"{path}:Own"))
